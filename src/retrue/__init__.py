@@ -1,0 +1,1 @@
+"""Recalibrate a camera-projector rig from one picture."""

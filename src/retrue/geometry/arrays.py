@@ -1,0 +1,46 @@
+"""Array types, and the checks that every value passes on its way in."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from retrue.errors import InputError
+
+FloatArray = NDArray[np.float64]
+IntArray = NDArray[np.int64]
+BoolArray = NDArray[np.bool_]
+Image = NDArray[Any]
+"""(height, width) or (height, width, channels), uint8 or uint16; colour in the order red, green, blue."""
+
+
+def finite_array(value: ArrayLike, shape: tuple[int | None, ...], name: str) -> FloatArray:
+    """`value` as a float64 array of that shape (None: any length), or an `InputError` that names it.
+
+    >>> finite_array([[1, 2]], (None, 2), "points").shape
+    (1, 2)
+    """
+    try:
+        array = np.asarray(value, dtype=np.float64)
+    except (TypeError, ValueError) as error:
+        raise InputError(f"{name}: expected numbers of shape {_shape(shape)}, found {error}") from error
+    if array.ndim != len(shape) or any(
+        want is not None and have != want for want, have in zip(shape, array.shape, strict=True)
+    ):
+        raise InputError(f"{name}: expected shape {_shape(shape)}, found {_shape(array.shape)}")
+    if not np.isfinite(array).all():
+        raise InputError(f"{name}: expected finite numbers, found NaN or infinity")
+    return array
+
+
+def frozen_array(array: FloatArray) -> FloatArray:
+    """A read-only copy, for the fields of frozen dataclasses."""
+    copy = np.array(array, dtype=np.float64)
+    copy.setflags(write=False)
+    return copy
+
+
+def _shape(shape: tuple[int | None, ...]) -> str:
+    return " x ".join("N" if length is None else str(length) for length in shape)

@@ -1,0 +1,169 @@
+"""A pinhole camera with lens distortion; a projector is one too, run backwards.
+
+Integer pixel coordinates lie at pixel centres: (0, 0) is the centre of the top-left pixel.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from retrue.errors import InputError
+from retrue.geometry.arrays import BoolArray, FloatArray, finite_array, frozen_array
+
+DISTORTION_LENGTHS = (0, 4, 5, 8, 12)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Camera:
+    """pixel ~ K distort(X / Z): m = alpha K X, eqs (3) and (4) of Zhang, Li, Wu 2007, with a lens.
+
+    Attributes
+    ----------
+    size : (width, height) in pixels.
+    K : (3, 3) upper triangular, K[2, 2] = 1, focal lengths positive; K[0, 1] is skew.
+    distortion : OpenCV's order k1 k2 p1 p2 [k3 [k4 k5 k6 [s1 s2 s3 s4]]]; 0, 4, 5, 8 or 12 numbers,
+        kept as at least five.
+
+    >>> camera = Camera((640, 480), [[500, 0, 320], [0, 500, 240], [0, 0, 1]], [-0.2, 0.1, 0, 0, 0])
+    >>> pixel = camera.project([[0.3, -0.2, 1.0]])
+    >>> pixel.round(3).tolist()
+    [[466.354, 142.431]]
+    >>> camera.unproject(pixel).round(9).tolist()
+    [[0.3, -0.2]]
+    """
+
+    size: tuple[int, int]
+    K: FloatArray
+    distortion: FloatArray = field(default_factory=lambda: np.zeros(5))
+
+    def __post_init__(self) -> None:
+        size = finite_array(self.size, (2,), "size")
+        if not ((size >= 1).all() and (size == np.round(size)).all() and (size <= 1_000_000).all()):
+            raise InputError(f"size: expected width and height in whole pixels, found {self.size}")
+        K = finite_array(self.K, (3, 3), "K")
+        if not (K[0, 0] > 0 and K[1, 1] > 0):
+            raise InputError(f"K: expected positive focal lengths, found {K[0, 0]:g} and {K[1, 1]:g}")
+        if not (K[1, 0] == 0 and K[2, 0] == 0 and K[2, 1] == 0 and K[2, 2] == 1):
+            raise InputError("K: expected zeros below the diagonal and K[2][2] = 1")
+        distortion = finite_array(self.distortion, (None,), "distortion")
+        if len(distortion) not in DISTORTION_LENGTHS:
+            raise InputError(f"distortion: expected {DISTORTION_LENGTHS} coefficients, found {len(distortion)}")
+        if len(distortion) < 5:
+            distortion = np.pad(distortion, (0, 5 - len(distortion)))
+        object.__setattr__(self, "size", (int(size[0]), int(size[1])))
+        object.__setattr__(self, "K", frozen_array(K))
+        object.__setattr__(self, "distortion", frozen_array(distortion))
+
+    def project(self, points: ArrayLike) -> FloatArray:
+        """Pixels (..., 2) of points (..., 3) of the camera's frame; NaN at or behind the camera (Z <= 0)."""
+        points = np.asarray(points, dtype=np.float64)
+        depth = np.where(points[..., 2:] > 0, points[..., 2:], np.nan)
+        return self.pixels_from_rays(points[..., :2] / depth)
+
+    def unproject(self, pixels: ArrayLike) -> FloatArray:
+        """Undistorted normalised rays (..., 2), (X / Z, Y / Z), of pixels (..., 2); NaN where no ray maps there."""
+        return self.undistort(self.normalise(pixels))
+
+    def normalise(self, pixels: ArrayLike) -> FloatArray:
+        """K^-1 m: still distorted rays (..., 2) of pixels (..., 2)."""
+        pixels = np.asarray(pixels, dtype=np.float64)
+        y = (pixels[..., 1] - self.K[1, 2]) / self.K[1, 1]
+        x = (pixels[..., 0] - self.K[0, 2] - self.K[0, 1] * y) / self.K[0, 0]
+        return np.stack([x, y], axis=-1)
+
+    def pixels_from_rays(self, rays: ArrayLike) -> FloatArray:
+        """Pixels (..., 2) of undistorted rays (..., 2)."""
+        return self.distort(rays) @ self.K[:2, :2].T + self.K[:2, 2]
+
+    def distort(self, rays: ArrayLike) -> FloatArray:
+        """OpenCV's lens model on normalised rays (..., 2)."""
+        rays = np.asarray(rays, dtype=np.float64)
+        if not self.distortion.any():
+            return rays
+        x, y = rays[..., 0], rays[..., 1]
+        radial, tangential_x, tangential_y = self._distortion_terms(x, y)
+        return np.stack([x * radial + tangential_x, y * radial + tangential_y], axis=-1)
+
+    def undistort(self, distorted: ArrayLike) -> FloatArray:
+        """Inverse of `distort`, to rounding: fixed-point steps, then Newton where they have not settled.
+
+        NaN where the lens model cannot reach the point, or only beyond its fold (where it stops
+        being one-to-one).
+        """
+        distorted = np.asarray(distorted, dtype=np.float64)
+        if not self.distortion.any():
+            return distorted
+        x0, y0 = distorted[..., 0], distorted[..., 1]
+        x, y = x0.copy(), y0.copy()
+        with np.errstate(all="ignore"):
+            for _ in range(3):
+                radial, tangential_x, tangential_y = self._distortion_terms(x, y)
+                x, y = (x0 - tangential_x) / radial, (y0 - tangential_y) / radial
+            error = np.full_like(x0, np.inf)
+            for _ in range(20):
+                radial, tangential_x, tangential_y = self._distortion_terms(x, y)
+                ex, ey = x * radial + tangential_x - x0, y * radial + tangential_y - y0
+                error = np.maximum(np.abs(ex), np.abs(ey))
+                if not (error > 1e-14).any():
+                    break
+                (a, b), (c, d) = self._distortion_jacobian(x, y)
+                determinant = a * d - b * c
+                x = x - (d * ex - b * ey) / determinant
+                y = y - (a * ey - c * ex) / determinant
+            (a, b), (c, d) = self._distortion_jacobian(x, y)
+            good = (error < 1e-9) & (a * d - b * c > 0) & (a > 0) & (d > 0)
+        return np.where(good[..., None], np.stack([x, y], axis=-1), np.nan)
+
+    def ray_jacobian(self, rays: ArrayLike) -> FloatArray:
+        """d pixel / d ray (..., 2, 2) at undistorted rays (..., 2)."""
+        rays = np.asarray(rays, dtype=np.float64)
+        (a, b), (c, d) = self._distortion_jacobian(rays[..., 0], rays[..., 1])
+        lens = np.stack([np.stack([a, b], axis=-1), np.stack([c, d], axis=-1)], axis=-2)
+        return self.K[:2, :2] @ lens
+
+    def contains(self, pixels: ArrayLike, margin: float = 0.5) -> BoolArray:
+        """Which pixels (..., 2) lie in the picture; its edge is half a pixel beyond the outer centres."""
+        pixels = np.asarray(pixels, dtype=np.float64)
+        inside = (pixels >= -margin) & (pixels <= np.array(self.size) - 1 + margin)
+        return np.all(inside, axis=-1, keepdims=False)
+
+    def _distortion_terms(self, x: FloatArray, y: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+        k1, k2, p1, p2, k3 = self.distortion[:5]
+        r2 = x * x + y * y
+        radial = 1 + r2 * (k1 + r2 * (k2 + r2 * k3))
+        if len(self.distortion) >= 8:
+            k4, k5, k6 = self.distortion[5:8]
+            radial = radial / (1 + r2 * (k4 + r2 * (k5 + r2 * k6)))
+        tangential_x = 2 * p1 * x * y + p2 * (r2 + 2 * x * x)
+        tangential_y = p1 * (r2 + 2 * y * y) + 2 * p2 * x * y
+        if len(self.distortion) >= 12:
+            s1, s2, s3, s4 = self.distortion[8:12]
+            tangential_x = tangential_x + r2 * (s1 + s2 * r2)
+            tangential_y = tangential_y + r2 * (s3 + s4 * r2)
+        return radial, tangential_x, tangential_y
+
+    def _distortion_jacobian(
+        self, x: FloatArray, y: FloatArray
+    ) -> tuple[tuple[FloatArray, FloatArray], tuple[FloatArray, FloatArray]]:
+        k1, k2, p1, p2, k3 = self.distortion[:5]
+        r2 = x * x + y * y
+        numerator = 1 + r2 * (k1 + r2 * (k2 + r2 * k3))
+        slope = k1 + r2 * (2 * k2 + r2 * 3 * k3)  # d numerator / d r2
+        radial = numerator
+        if len(self.distortion) >= 8:
+            k4, k5, k6 = self.distortion[5:8]
+            denominator = 1 + r2 * (k4 + r2 * (k5 + r2 * k6))
+            radial = numerator / denominator
+            slope = (slope - radial * (k4 + r2 * (2 * k5 + r2 * 3 * k6))) / denominator
+        a = radial + 2 * x * x * slope + 2 * p1 * y + 6 * p2 * x
+        b = 2 * x * y * slope + 2 * p1 * x + 2 * p2 * y
+        c = 2 * x * y * slope + 2 * p1 * x + 2 * p2 * y
+        d = radial + 2 * y * y * slope + 6 * p1 * y + 2 * p2 * x
+        if len(self.distortion) >= 12:
+            s1, s2, s3, s4 = self.distortion[8:12]
+            thin_x, thin_y = 2 * (s1 + 2 * s2 * r2), 2 * (s3 + 2 * s4 * r2)
+            a, b, c, d = a + thin_x * x, b + thin_x * y, c + thin_y * x, d + thin_y * y
+        return (a, b), (c, d)

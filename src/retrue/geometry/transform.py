@@ -1,0 +1,121 @@
+"""Rigid transforms: `target_from_source`, X_target = R X_source + t."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from retrue.errors import InputError
+from retrue.geometry.arrays import FloatArray, finite_array, frozen_array
+
+ROTATION_TOLERANCE = 1e-3  # |R R^T - I| that rounding in a hand-written or printed file explains
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class RigidTransform:
+    """X_target = R X_source + t.
+
+    Attributes
+    ----------
+    R : (3, 3) proper rotation. Rounding is removed on the way in (nearest rotation); a matrix further
+        than 1e-3 from a rotation, or a reflection, is an `InputError`.
+    t : (3,) translation, in the rig's unit.
+
+    >>> turn = RigidTransform.from_rotation_vector([0, 0, np.pi / 2], [1.0, 0, 0])
+    >>> (turn @ turn.inverse()).t.round(12).tolist()
+    [0.0, 0.0, 0.0]
+    >>> turn.apply([[2.0, 0, 0]]).round(12).tolist()
+    [[1.0, 2.0, 0.0]]
+    """
+
+    R: FloatArray
+    t: FloatArray
+
+    def __post_init__(self) -> None:
+        R = finite_array(self.R, (3, 3), "rotation R")
+        t = finite_array(self.t, (3,), "translation t")
+        error = float(np.abs(R @ R.T - np.eye(3)).max())
+        if not error < ROTATION_TOLERANCE:
+            raise InputError(f"rotation R: expected an orthonormal matrix, found R R^T off identity by {error:.2g}")
+        if not np.linalg.det(R) > 0:
+            raise InputError("rotation R: expected determinant +1, found a reflection (-1)")
+        object.__setattr__(self, "R", frozen_array(nearest_rotation(R) if error > 1e-14 else R))
+        object.__setattr__(self, "t", frozen_array(t))
+
+    @classmethod
+    def from_rotation_vector(cls, rotation_vector: ArrayLike, t: ArrayLike) -> RigidTransform:
+        """From axis times angle (3,) in radians and t (3,)."""
+        return cls(rotation_from_vector(rotation_vector), finite_array(t, (3,), "translation t"))
+
+    def apply(self, points: ArrayLike) -> FloatArray:
+        """Points (..., 3) of the source frame, in the target frame."""
+        return np.asarray(points, dtype=np.float64) @ self.R.T + self.t
+
+    def inverse(self) -> RigidTransform:
+        """source_from_target."""
+        return RigidTransform(self.R.T, -self.R.T @ self.t)
+
+    def __matmul__(self, other: RigidTransform) -> RigidTransform:
+        """a_from_b @ b_from_c is a_from_c."""
+        return RigidTransform(self.R @ other.R, self.R @ other.t + self.t)
+
+
+def nearest_rotation(matrix: FloatArray) -> FloatArray:
+    """The proper rotation nearest to `matrix` (3, 3) in the Frobenius norm (Kabsch: by SVD, det +1)."""
+    u, _, vt = np.linalg.svd(matrix)
+    u[:, 2] *= np.sign(np.linalg.det(u @ vt))
+    return u @ vt
+
+
+def rotation_from_vector(rotation_vector: ArrayLike) -> FloatArray:
+    """Rodrigues' formula: exp([w]x) for w (3,) in radians; exact to rounding for small angles too.
+
+    >>> rotation_from_vector([0, 0, np.pi / 2]).round(12).tolist()
+    [[0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]]
+    """
+    w = finite_array(rotation_vector, (3,), "rotation vector")
+    angle = float(np.sqrt(w @ w))
+    W = skew(w)
+    sine = np.sinc(angle / np.pi)  # sin(a) / a
+    versine = 0.5 * np.sinc(angle / (2 * np.pi)) ** 2  # (1 - cos a) / a^2
+    return np.eye(3) + sine * W + versine * (W @ W)
+
+
+def vector_from_rotation(R: ArrayLike) -> FloatArray:
+    """The rotation vector (3,) in radians, angle in [0, pi]; the inverse of `rotation_from_vector`.
+
+    >>> vector_from_rotation(rotation_from_vector([0.1, -0.2, 3.0])).round(12).tolist()
+    [0.1, -0.2, 3.0]
+    """
+    from scipy.spatial.transform import Rotation
+
+    return Rotation.from_matrix(finite_array(R, (3, 3), "rotation R")).as_rotvec()
+
+
+def skew(v: FloatArray) -> FloatArray:
+    """[v]x (3, 3), so that [v]x y = v x y."""
+    return np.array([[0.0, -v[2], v[1]], [v[2], 0.0, -v[0]], [-v[1], v[0], 0.0]])
+
+
+def rotation_angle(R: FloatArray) -> float:
+    """Angle of a rotation in radians, accurate near 0 and near pi.
+
+    >>> round(rotation_angle(rotation_from_vector([0, 1e-9, 0])) * 1e9, 6)
+    1.0
+    """
+    sine = 0.5 * float(np.linalg.norm([R[2, 1] - R[1, 2], R[0, 2] - R[2, 0], R[1, 0] - R[0, 1]]))
+    return float(np.arctan2(sine, 0.5 * (np.trace(R) - 1.0)))
+
+
+def direction_angle(a: ArrayLike, b: ArrayLike) -> float:
+    """Angle between two vectors in radians, accurate near 0 and near pi; NaN when one is zero.
+
+    >>> round(float(np.degrees(direction_angle([1, 0, 0], [1, 1, 0]))), 9)
+    45.0
+    """
+    a, b = np.asarray(a, dtype=np.float64), np.asarray(b, dtype=np.float64)
+    if not (a.any() and b.any()):
+        return float("nan")
+    return float(np.arctan2(np.linalg.norm(np.cross(a, b)), a @ b))

@@ -1,0 +1,100 @@
+"""What a recalibration answers: Accepted with a rig, or Refused with none; evidence with both."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Any, Literal
+
+from retrue.geometry.plane import Plane
+from retrue.geometry.transform import RigidTransform
+from retrue.rig import Rig
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class PoseCandidate:
+    """One of the two poses that explain the plane, after refinement on all points.
+
+    Attributes
+    ----------
+    projector_from_camera : t has the length that the scale policy gives it.
+    planes : the planes of each capture in turn, camera frame, the rig's unit.
+    rms_px : of all points that this pose explains, Sampson distance.
+    off_plane_rms_px : epipolar RMS of the points off the first plane; None where there are none.
+    chosen : whether the evidence settled on this one.
+    """
+
+    projector_from_camera: RigidTransform
+    planes: tuple[Plane, ...]
+    rms_px: float
+    off_plane_rms_px: float | None
+    chosen: bool
+
+
+@dataclass(frozen=True, slots=True)
+class PoseChange:
+    """From the old rig to the new: rotation and direction of t in degrees, |t| in the rig's unit."""
+
+    rotation_deg: float
+    translation_deg: float
+    length: float
+
+
+@dataclass(frozen=True, slots=True)
+class PoseSigma:
+    """One standard deviation: of rotation (RMS over axes) and of the direction of t, in degrees."""
+
+    rotation_deg: float
+    translation_deg: float
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Evidence:
+    """What the verdict rests on. `None` where the work stopped before that was known."""
+
+    correspondences: int
+    candidates: tuple[PoseCandidate, ...] = ()
+    rms_px: float | None = None
+    change: PoseChange | None = None
+    sigma: PoseSigma | None = None
+    resolved_by: str = ""
+    scale: str = ""
+    details: Mapping[str, Any] = field(default_factory=dict[str, Any])
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Accepted:
+    """The new rig, why this pose, and the evidence."""
+
+    rig: Rig
+    reason: str
+    evidence: Evidence
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Refused:
+    """No rig: the picture cannot tell, or what it tells is not to be trusted; the reason says what to do."""
+
+    reason: str
+    evidence: Evidence
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Verification:
+    """Whether a capture still fits a rig.
+
+    Attributes
+    ----------
+    verdict : "good", "drifted" or "unknown".
+    epipolar_rms_px : of the capture's points under the rig as it stands.
+    drift : from the rig to the pose that the capture itself supports; None when unknown.
+    drift_sigmas : Mahalanobis length of that drift in the sigma of the capture (chi with 5 degrees of freedom).
+    """
+
+    verdict: Literal["good", "drifted", "unknown"]
+    reason: str
+    epipolar_rms_px: float | None
+    correspondences: int
+    drift: PoseChange | None = None
+    drift_sigmas: float | None = None
+    sigma: PoseSigma | None = None

@@ -1,0 +1,29 @@
+"""The rig: a camera, a projector, and the pose between them."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Any
+
+from retrue.geometry.camera import Camera
+from retrue.geometry.transform import RigidTransform
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Rig:
+    """Camera and projector: X_projector = R X_camera + t.
+
+    Attributes
+    ----------
+    camera, projector : intrinsics; the projector is treated as a camera run backwards.
+    projector_from_camera : the relative pose; t in `unit`.
+    unit : name of the unit of length ("mm", "m" ...).
+    evidence : what the pose rests on, as plain JSON values; may be empty.
+    """
+
+    camera: Camera
+    projector: Camera
+    projector_from_camera: RigidTransform
+    unit: str = "mm"
+    evidence: Mapping[str, Any] = field(default_factory=dict[str, Any])
