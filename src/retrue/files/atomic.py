@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 import tempfile
-from collections.abc import Iterator
+from collections.abc import Generator
 from contextlib import contextmanager
 from pathlib import Path
 from typing import BinaryIO
@@ -13,7 +13,7 @@ from retrue.errors import FileError
 
 
 @contextmanager
-def replaced_file(path: str | Path) -> Iterator[BinaryIO]:
+def replaced_file(path: str | Path) -> Generator[BinaryIO]:
     """A binary file to write to, that takes the place of `path` only when the block ends without an error.
 
     Whatever happens, `path` holds the old bytes or the new, never half of them. Raises `FileError` where
