@@ -1,0 +1,235 @@
+"""Plane homographies: target ~ H source, fitted by maximum likelihood.
+
+Eqs (11) to (14) of Zhang, Li, Wu 2007 fit H by plain linear least squares. That costs up to eight times the
+attainable error on a small patch, so the linear fit here is Hartley's normalised one, and only the start.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from retrue.errors import DegenerateError, InputError
+from retrue.geometry.arrays import FloatArray, finite_array
+
+MINIMAL_POINTS = 4
+
+
+def fit_homography(
+    source: ArrayLike,
+    target: ArrayLike,
+    *,
+    source_sigma: float = 1.0,
+    target_sigma: float = 1.0,
+    weights: ArrayLike | None = None,
+    iterations: int = 5,
+) -> FloatArray:
+    """Maximum-likelihood homography for Gaussian noise in both images, target ~ H source.
+
+    Minimises sum_i w_i min over s of |source_i - s|^2 / source_sigma^2 + |target_i - H(s)|^2 / target_sigma^2
+    by Gauss-Newton from the normalised linear fit. Each step works at the corrected points s
+    (Sampson's correction), so that it settles where the full bundle adjustment does, not near it.
+
+    Parameters
+    ----------
+    source, target : (N, 2), N >= 4, any unit; for poses: undistorted normalised rays.
+    source_sigma, target_sigma : noise per axis in the units of source and target; only their ratio matters.
+        Zero stands for an exact image; not both.
+    weights : (N,) inverse relative variance of each point, or None.
+    iterations : at most so many steps; two are enough below a pixel of noise.
+
+    Returns
+    -------
+    (3, 3) H of Frobenius norm 1, signed so that (H source)_3 > 0 at most points.
+
+    Raises
+    ------
+    InputError : shapes that differ, NaN, fewer than four points.
+    DegenerateError : the points do not determine H (three of four, or all, on one line; all in one place).
+
+    Source: eq. (12) to (14); Hartley and Zisserman 2004, 4.2.6 and 4.4; METHOD.
+
+    >>> square = [[0, 0], [1, 0], [1, 1], [0, 1], [0.5, 0.2]]
+    >>> H = fit_homography(square, apply_homography([[2, 0.1, 3], [0.3, 1, 1], [0.2, 0.1, 1]], square))
+    >>> (H / H[2, 2]).round(9).tolist()
+    [[2.0, 0.1, 3.0], [0.3, 1.0, 1.0], [0.2, 0.1, 1.0]]
+    """
+    source, target, weights = _checked(source, target, weights)
+    if not (source_sigma >= 0 and target_sigma >= 0 and source_sigma + target_sigma > 0):
+        raise InputError(f"sigma: expected two numbers >= 0, not both zero, found {source_sigma} and {target_sigma}")
+    source_frame, target_frame = _normalising_frame(source), _normalising_frame(target)
+    s, y = _transformed(source_frame, source), _transformed(target_frame, target)
+    H = _fit_linear(s, y, weights)
+    H = _refine(H, s, y, weights, source_sigma * source_frame[0, 0], target_sigma * target_frame[0, 0], iterations)
+    return _signed(np.linalg.inv(target_frame) @ H @ source_frame, source)
+
+
+def fit_homography_linear(
+    source: ArrayLike, target: ArrayLike, *, weights: ArrayLike | None = None, normalised: bool = True
+) -> FloatArray:
+    """Linear least squares, eqs (12) to (14); `normalised=False` is the paper's own, plain form.
+
+    Shapes, sign and errors as in `fit_homography`.
+
+    >>> H = fit_homography_linear([[0, 0], [1, 0], [1, 1], [0, 1]], [[0, 0], [2, 0], [2, 2], [0, 2]])
+    >>> apply_homography(H, [[0.5, 0.25]]).round(9).tolist()
+    [[1.0, 0.5]]
+    """
+    source, target, weights = _checked(source, target, weights)
+    if not normalised:
+        return _signed(_fit_linear(source, target, weights), source)
+    source_frame, target_frame = _normalising_frame(source), _normalising_frame(target)
+    H = _fit_linear(_transformed(source_frame, source), _transformed(target_frame, target), weights)
+    return _signed(np.linalg.inv(target_frame) @ H @ source_frame, source)
+
+
+def apply_homography(H: ArrayLike, points: ArrayLike) -> FloatArray:
+    """Points (..., 2) mapped by H (3, 3); NaN where they map to infinity.
+
+    >>> apply_homography([[1, 0, 0], [0, 1, 0], [0.5, 0, 1]], [[2.0, 4.0]]).tolist()
+    [[1.0, 2.0]]
+    """
+    H, points = np.asarray(H, dtype=np.float64), np.asarray(points, dtype=np.float64)
+    mapped = points @ H[:, :2].T + H[:, 2]
+    scale = np.where(mapped[..., 2:] != 0, mapped[..., 2:], np.nan)
+    return mapped[..., :2] / scale
+
+
+def homography_residuals(
+    H: FloatArray, source: FloatArray, target: FloatArray, source_sigma: float = 1.0, target_sigma: float = 1.0
+) -> FloatArray:
+    """Whitened Sampson distance (N,) of each pair: its square is chi-square with two degrees of freedom.
+
+    >>> homography_residuals(np.eye(3), np.zeros((1, 2)), np.array([[3.0, 4.0]])).round(6).tolist()
+    [3.535534]
+    """
+    (dx, dy), (a, b, c) = _whitened(H, source, target, source_sigma, target_sigma)[:2]
+    return np.sqrt((c * dx * dx - 2 * b * dx * dy + a * dy * dy) / (a * c - b * b))
+
+
+def _checked(
+    source: ArrayLike, target: ArrayLike, weights: ArrayLike | None
+) -> tuple[FloatArray, FloatArray, FloatArray | None]:
+    source = finite_array(source, (None, 2), "source points")
+    target = finite_array(target, (len(source), 2), "target points")
+    if len(source) < MINIMAL_POINTS:
+        raise InputError(f"homography: expected at least four points, found {len(source)}")
+    return source, target, None if weights is None else finite_array(weights, (len(source),), "weights")
+
+
+def _normalising_frame(points: FloatArray) -> FloatArray:
+    """Similarity to centroid 0 and mean distance sqrt 2 (Hartley 1997)."""
+    center = points.mean(axis=0)
+    spread = np.hypot(*(points - center).T).mean()
+    if not spread > 1e-12 * max(1.0, float(np.abs(center).max())):
+        raise DegenerateError("homography: all points lie at one place; spread them over a plane")
+    scale = np.sqrt(2) / spread
+    return np.array([[scale, 0, -scale * center[0]], [0, scale, -scale * center[1]], [0, 0, 1]])
+
+
+def _transformed(frame: FloatArray, points: FloatArray) -> FloatArray:
+    return frame[0, 0] * points + frame[:2, 2]
+
+
+def _fit_linear(source: FloatArray, target: FloatArray, weights: FloatArray | None) -> FloatArray:
+    """Smallest right singular vector of the design matrix of eq. (13)."""
+    count = len(source)
+    design = np.zeros((2 * count, 9))
+    design[:count, 0:2] = design[count:, 3:5] = source
+    design[:count, 2] = design[count:, 5] = 1
+    design[:count, 6:8] = -target[:, :1] * source
+    design[count:, 6:8] = -target[:, 1:] * source
+    design[:count, 8], design[count:, 8] = -target[:, 0], -target[:, 1]
+    if weights is not None:
+        design *= np.sqrt(np.concatenate([weights, weights]))[:, None]
+    if count > 50:  # the normal equations are exact enough to start from, and far smaller
+        values, vectors = np.linalg.eigh(design.T @ design)
+        h, second, largest = vectors[:, 0], np.sqrt(max(float(values[1]), 0.0)), np.sqrt(float(values[-1]))
+    else:
+        _, singular, vt = np.linalg.svd(design, full_matrices=True)
+        h, second, largest = vt[8], float(singular[7]), float(singular[0])
+    if not second > 1e-7 * largest:
+        raise DegenerateError("homography: the points lie on one line; spread them over a plane")
+    return h.reshape(3, 3)
+
+
+def _whitened(
+    H: FloatArray, source: FloatArray, target: FloatArray, source_sigma: float, target_sigma: float
+) -> tuple[tuple[FloatArray, FloatArray], tuple[FloatArray, FloatArray, FloatArray], FloatArray, FloatArray]:
+    """Transfer error, its covariance ((a, b), (b, c)), d mapped / d source, and 1 / depth."""
+    mapped = source @ H[:, :2].T + H[:, 2]
+    inverse_depth = 1 / mapped[:, 2]
+    u, v = mapped[:, 0] * inverse_depth, mapped[:, 1] * inverse_depth
+    jacobian = np.empty((4, len(source)))
+    np.multiply(H[0, 0] - u * H[2, 0], inverse_depth, out=jacobian[0])
+    np.multiply(H[0, 1] - u * H[2, 1], inverse_depth, out=jacobian[1])
+    np.multiply(H[1, 0] - v * H[2, 0], inverse_depth, out=jacobian[2])
+    np.multiply(H[1, 1] - v * H[2, 1], inverse_depth, out=jacobian[3])
+    p, q, r, s = jacobian
+    vs, vt = source_sigma**2, target_sigma**2
+    covariance = (vt + vs * (p * p + q * q), vs * (p * r + q * s), vt + vs * (r * r + s * s))
+    return (target[:, 0] - u, target[:, 1] - v), covariance, jacobian, inverse_depth
+
+
+def _refine(
+    H: FloatArray,
+    source: FloatArray,
+    target: FloatArray,
+    weights: FloatArray | None,
+    source_sigma: float,
+    target_sigma: float,
+    iterations: int,
+) -> FloatArray:
+    """Gauss-Newton on the whitened transfer error, linearised at the corrected source points."""
+    scale = np.hypot(source_sigma, target_sigma)
+    source_sigma, target_sigma = source_sigma / scale, target_sigma / scale
+    H = np.divide(H, np.linalg.norm(H))
+    design = np.zeros((2 * len(source), 9))
+    corrected = source
+    for _ in range(iterations):
+        (dx, dy), (a, b, c), (p, q, r, s), inverse_depth = _whitened(H, corrected, target, source_sigma, target_sigma)
+        u, v = target[:, 0] - dx, target[:, 1] - dy
+        offset = source - corrected  # the error of the whole pair, seen at the corrected point
+        dx, dy = dx - p * offset[:, 0] - q * offset[:, 1], dy - r * offset[:, 0] - s * offset[:, 1]
+        determinant = a * c - b * b
+        ex, ey = (c * dx - b * dy) / determinant, (a * dy - b * dx) / determinant
+        if source_sigma > 0:
+            gain = source_sigma**2
+            corrected = source + gain * np.stack([p * ex + r * ey, q * ex + s * ey], axis=1)
+        # Whiten with the Cholesky factor of the inverse covariance: rows w1 = (l11, l12), w2 = (0, l22).
+        l22 = 1 / np.sqrt(c)
+        l11 = np.sqrt(c / determinant)
+        l12 = -b / np.sqrt(c * determinant)
+        if weights is not None:
+            root = np.sqrt(weights)
+            l11, l12, l22 = l11 * root, l12 * root, l22 * root
+        x, y = corrected.T if source_sigma > 0 else source.T
+        rows = (
+            np.concatenate([l11 * inverse_depth, 0 * l11]),
+            np.concatenate([l12 * inverse_depth, l22 * inverse_depth]),
+        )
+        x2, y2 = np.concatenate([x, x]), np.concatenate([y, y])
+        depth_row = -np.concatenate([(l11 * u + l12 * v) * inverse_depth, l22 * v * inverse_depth])
+        for column, row in zip((0, 3, 6), (*rows, depth_row), strict=True):
+            design[:, column], design[:, column + 1], design[:, column + 2] = row * x2, row * y2, row
+        residual = np.concatenate([l11 * dx + l12 * dy, l22 * dy])
+        normal = design.T @ design
+        h = H.ravel()
+        normal += float(np.trace(normal)) * np.outer(h, h)  # the scale of H is free: hold it
+        try:
+            step = np.linalg.solve(normal, design.T @ residual)
+        except np.linalg.LinAlgError as error:
+            raise DegenerateError("homography: the points do not determine it; spread them over a plane") from error
+        if not np.isfinite(step).all():
+            raise DegenerateError("homography: no finite fit; spread the points over a plane")
+        H = H + step.reshape(3, 3)
+        H = H / np.linalg.norm(H)
+        if np.abs(step).max() < 1e-14:
+            break
+    return H
+
+
+def _signed(H: FloatArray, source: FloatArray) -> FloatArray:
+    H = H / np.linalg.norm(H)
+    depth = source @ H[2, :2] + H[2, 2]
+    return -H if np.count_nonzero(depth > 0) * 2 < len(depth) else H

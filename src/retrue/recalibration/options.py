@@ -1,0 +1,68 @@
+"""Named limits of the recalibration; each is a number that a user may have a reason to change."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from retrue.geometry.arrays import FloatArray
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class KnownDistance:
+    """The true length between the scene points seen at two camera pixels of the first capture: it gives |t|.
+
+    Attributes
+    ----------
+    first_px, second_px : (2,) camera pixels (x, y).
+    length : in the rig's unit.
+    """
+
+    first_px: FloatArray
+    second_px: FloatArray
+    length: float
+
+
+@dataclass(frozen=True, slots=True)
+class RecalibrateOptions:
+    """Limits of `recalibrate`.
+
+    Attributes
+    ----------
+    known_distance
+        Two camera pixels and the true length between their points. Without it the old |t| is kept.
+    twin_margin
+        Chi-square by which points off the plane must prefer one of the twin poses.
+    twin_deviations
+        The same in standard deviations of a sum over points that agree by chance.
+    prior_drift_deg
+        How far the direction of t plausibly turns (one sigma); resolves the twins where the scene cannot.
+    prior_odds
+        Odds that the old direction of t must give before it resolves the twins.
+    min_points
+        Fewest correspondences, and fewest points on a plane.
+    max_planes
+        Planes split off from one capture, largest first.
+    max_points
+        Correspondences used in all; more are thinned out evenly. Neighbours in a dense code repeat each other.
+    max_sigma_rotation_deg
+        A rotation less certain than this is refused.
+    max_sigma_translation_deg
+        A direction of t less certain than this is refused.
+    max_outliers
+        Share of correspondences that may contradict the pose.
+    seed
+        Of the random samples; the same points and seed give the same answer.
+    """
+
+    known_distance: KnownDistance | None = None
+    twin_margin: float = 25.0
+    twin_deviations: float = 3.5
+    prior_drift_deg: float = 10.0
+    prior_odds: float = 1000.0
+    min_points: int = 12
+    max_planes: int = 4
+    max_points: int = 20_000
+    max_sigma_rotation_deg: float = 1.0
+    max_sigma_translation_deg: float = 3.0
+    max_outliers: float = 0.5
+    seed: int = 0

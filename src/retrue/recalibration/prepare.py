@@ -1,0 +1,103 @@
+"""From the correspondences of several captures to rays that can be fitted together."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from retrue.correspondences import Correspondences
+from retrue.geometry.arrays import BoolArray, FloatArray, IntArray
+from retrue.geometry.camera import Camera
+from retrue.geometry.two_view import FREE, TwoViewPoints
+from retrue.rig import Rig
+
+SMALLEST_RELATIVE_SIGMA = 0.1  # of the median: no point outweighs a hundred others by what it says of itself
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Rays:
+    """All captures as one set of rays.
+
+    Attributes
+    ----------
+    points : N rays, none on a plane yet. Residuals that they leave are in pixels.
+    capture : (N,) which capture each came from.
+    row : (N,) which row of that capture.
+    """
+
+    points: TwoViewPoints
+    capture: IntArray
+    row: IntArray
+
+    def __len__(self) -> int:
+        return len(self.points)
+
+    def select(self, rows: IntArray | BoolArray) -> Rays:
+        """The same, with only those rows."""
+        return Rays(self.points.select(rows), self.capture[rows], self.row[rows])
+
+    def thinned(self, count: int, rng: np.random.Generator) -> Rays:
+        """At most `count` of them, evenly at random."""
+        if len(self) <= count:
+            return self
+        return self.select(np.sort(rng.choice(len(self), count, replace=False)))
+
+
+def rays_of_captures(rig: Rig, captures: Sequence[Correspondences], max_points: int, rng: np.random.Generator) -> Rays:
+    """Undistorted rays of all captures, each thinned to its share; pixels that no ray maps to are left out.
+
+    A capture that gives sigmas for one device only says that the other is exact; one that gives none has equal noise
+    in both.
+    """
+    parts = [
+        _rays_of_capture(rig, capture, index, max_points // len(captures), rng)
+        for index, capture in enumerate(captures)
+    ]
+    points = TwoViewPoints(
+        *(np.concatenate([getattr(part.points, name) for part in parts]) for name in TwoViewPoints.__dataclass_fields__)
+    )
+    return Rays(
+        points,
+        np.concatenate([part.capture for part in parts]),
+        np.concatenate([part.row for part in parts]),
+    )
+
+
+def _rays_of_capture(rig: Rig, capture: Correspondences, index: int, max_points: int, rng: np.random.Generator) -> Rays:
+    row = np.arange(len(capture))
+    if len(row) > max_points:
+        row = np.sort(rng.choice(len(row), max_points, replace=False))
+    camera_sigma, projector_sigma = _relative_sigmas(capture, row)
+    camera_rays = rig.camera.unproject(capture.camera_px[row])
+    projector_rays = rig.projector.unproject(capture.projector_px[row])
+    good = np.isfinite(camera_rays + projector_rays).sum(axis=1) == 2
+    points = TwoViewPoints(
+        camera_rays,
+        projector_rays,
+        camera_sigma / _focal_length(rig.camera),
+        projector_sigma / _focal_length(rig.projector),
+        np.full(len(row), FREE),
+    )
+    return Rays(points, np.full(len(row), index), row).select(good)
+
+
+def _relative_sigmas(capture: Correspondences, row: IntArray) -> tuple[FloatArray, FloatArray]:
+    """Sigmas per point in units of the median, so that residuals stay in pixels."""
+    given = capture.camera_sigma_px, capture.projector_sigma_px
+    if given[0] is None and given[1] is None:
+        return np.ones(len(row)), np.ones(len(row))
+    camera, projector = (np.zeros(len(row)) if sigma is None else sigma[row] for sigma in given)
+    median = float(np.median(np.hypot(camera, projector))) if len(row) else 1.0
+    if not median > 0:
+        return np.ones(len(row)), np.ones(len(row))
+    total = np.hypot(camera, projector)
+    lifted = np.maximum(total, SMALLEST_RELATIVE_SIGMA * median) / np.where(total > 0, total, 1.0) / median
+    camera, projector = camera * lifted, projector * lifted
+    unknown = ~(np.isfinite(camera) & np.isfinite(projector) & (total > 0))
+    return np.where(unknown, 1.0, camera), np.where(unknown, 1.0, projector)
+
+
+def _focal_length(device: Camera) -> float:
+    return float(np.sqrt(device.K[0, 0] * device.K[1, 1]))

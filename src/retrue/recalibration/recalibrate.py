@@ -1,0 +1,148 @@
+"""The main job: split off planes -> pose candidates -> refine each on all points -> compare -> judge."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from retrue.correspondences import Correspondences
+from retrue.errors import DegenerateError, InputError
+from retrue.geometry.transform import RigidTransform
+from retrue.recalibration.estimate import Estimate, estimate_pose
+from retrue.recalibration.evidence import candidate, change, rms, sigma
+from retrue.recalibration.fit import PoseFit, picture_blocks, refine
+from retrue.recalibration.judge import choose_twin, objection
+from retrue.recalibration.options import RecalibrateOptions
+from retrue.recalibration.result import Accepted, Evidence, PoseCandidate, Refused
+from retrue.recalibration.scale import translation_length
+from retrue.rig import Rig
+
+
+def recalibrate(
+    rig: Rig, captures: Sequence[Correspondences], options: RecalibrateOptions | None = None
+) -> Accepted | Refused:
+    """The relative pose of camera and projector, anew, from one or more captures of scenes that hold a plane.
+
+    Parameters
+    ----------
+    rig : intrinsics that still hold, and the old pose: its |t| gives the scale, and its direction of t tells the
+        twins apart where the scene cannot. Its rotation is not used.
+    captures : correspondences of each; several are solved jointly.
+    options : limits, and the known distance.
+
+    Returns
+    -------
+    Accepted, with the new rig, or Refused, with none; either with evidence and a reason in one sentence.
+
+    Raises
+    ------
+    InputError : no captures, or a known distance that the captures cannot give.
+
+    Source: Zhang, Li, Wu 2007, section 3; METHOD, points 3 to 7.
+    """
+    options = options or RecalibrateOptions()
+    if not captures:
+        raise InputError("recalibrate: expected at least one capture, found none")
+    total = sum(len(capture) for capture in captures)
+    try:
+        estimate = estimate_pose(rig, captures, options)
+        choice = choose_twin(estimate.comparison, rig.projector_from_camera.t, options)
+        if choice.index is None:
+            return Refused(choice.resolved_by, _unresolved(rig, estimate, total, options))
+        rays = estimate.rays
+        chosen = estimate.comparison.fits[choice.index]
+        fit = refine(chosen.pose, rays.points, picture_blocks(rays.points.camera_rays, rays.capture), iterations=2)
+        evidence = _evidence(rig, estimate, choice.index, fit, choice.resolved_by, total, options)
+        problem = objection(fit, evidence, estimate.comparison, options)
+    except DegenerateError as error:
+        return Refused(str(error), Evidence(total))
+    if problem is not None:
+        return Refused(problem, evidence)
+    pose = next(candidate for candidate in evidence.candidates if candidate.chosen).projector_from_camera
+    return Accepted(_new_rig(rig, pose, evidence), f"resolved by {choice.resolved_by}", evidence)
+
+
+def _evidence(
+    rig: Rig,
+    estimate: Estimate,
+    chosen: int,
+    fit: PoseFit,
+    resolved_by: str,
+    total: int,
+    options: RecalibrateOptions,
+) -> Evidence:
+    rays = estimate.rays
+    others = [other for k, other in enumerate(estimate.comparison.fits) if k != chosen]
+    candidates = [candidate(fit, rays.points, fit.explained, _length(rig, estimate, fit, options), chosen=True)]
+    candidates += _candidates(rig, estimate, others, options, fit)
+    order = [0, 1] if chosen == 0 else [1, 0]
+    covariance = fit.covariance
+    return Evidence(
+        correspondences=total,
+        candidates=tuple(candidates[k] for k in order[: len(candidates)]),
+        rms_px=rms(fit.found.epipolar[fit.explained]),
+        change=change(rig.projector_from_camera, candidates[0].projector_from_camera),
+        sigma=sigma(covariance),
+        resolved_by=resolved_by,
+        scale=_scale_policy(options),
+        details={
+            "covariance": covariance.tolist(),
+            "points_used": len(rays),
+            "points_explained": int(np.count_nonzero(fit.explained)),
+            "planes": len(fit.pose.planes),
+            "noise_px": fit.epipolar_noise.level,
+            "shared_noise_px": fit.epipolar_noise.shared,
+            "planarity_px": float(np.hypot(fit.along_noise.level, fit.along_noise.shared)),
+            "twin_margin": estimate.comparison.margin,
+            "twin_deviations": estimate.comparison.deviations,
+        },
+    )
+
+
+def _unresolved(rig: Rig, estimate: Estimate, total: int, options: RecalibrateOptions) -> Evidence:
+    fits = list(estimate.comparison.fits)
+    return Evidence(
+        correspondences=total,
+        candidates=tuple(_candidates(rig, estimate, fits, options, fits[0])),
+        rms_px=rms(fits[0].found.epipolar[fits[0].explained]),
+        resolved_by="nothing",
+        scale=_scale_policy(options),
+        details={"twin_margin": estimate.comparison.margin, "twin_deviations": estimate.comparison.deviations},
+    )
+
+
+def _candidates(
+    rig: Rig, estimate: Estimate, fits: list[PoseFit], options: RecalibrateOptions, best: PoseFit
+) -> list[PoseCandidate]:
+    """The candidates that were not chosen, on the points that they were compared on."""
+    points = estimate.comparison.rays.points
+    scored = estimate.comparison.fits[0].explained
+    return [candidate(fit, points, scored, _length(rig, estimate, fit, options), chosen=False) for fit in fits]
+
+
+def _length(rig: Rig, estimate: Estimate, fit: PoseFit, options: RecalibrateOptions) -> float:
+    if options.known_distance is None:
+        return float(np.linalg.norm(rig.projector_from_camera.t))
+    first_capture = estimate.rays.capture == 0
+    return translation_length(options.known_distance, rig.camera, fit.pose, estimate.rays.points.select(first_capture))
+
+
+def _scale_policy(options: RecalibrateOptions) -> str:
+    return "the old length of t was kept" if options.known_distance is None else "the known distance in the scene"
+
+
+def _new_rig(rig: Rig, pose: RigidTransform, evidence: Evidence) -> Rig:
+    return replace(
+        rig,
+        projector_from_camera=pose,
+        evidence={
+            "method": "recalibrated from a plane by retrue",
+            "correspondences": evidence.correspondences,
+            "rms_px": evidence.rms_px,
+            "resolved_by": evidence.resolved_by,
+            "scale": evidence.scale,
+            **evidence.details,
+        },
+    )

@@ -1,0 +1,199 @@
+"""Does a capture still fit a rig? Nothing is changed; the answer is good, drifted or unknown.
+
+The epipolar residual alone cannot say: about some axes a wrong rotation hardly moves it, because the
+points trade it for depth. So the capture is asked for the pose that it supports by itself, and that is compared
+with the rig's, in the sigma of the difference.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
+from typing import Literal
+
+import numpy as np
+
+from retrue.correspondences import Correspondences
+from retrue.errors import DegenerateError, InputError
+from retrue.geometry.arrays import FloatArray, finite_array
+from retrue.geometry.transform import RigidTransform, vector_from_rotation
+from retrue.geometry.two_view import (
+    POSE_PARAMETERS,
+    TwoViewPoints,
+    TwoViewPose,
+    epipolar_residuals,
+    normal_equations,
+    residuals,
+    tangent_basis,
+)
+from retrue.recalibration.estimate import Estimate, estimate_pose
+from retrue.recalibration.evidence import change, rms, sigma
+from retrue.recalibration.fit import PoseFit, picture_blocks, refine, solve_normal_equations
+from retrue.recalibration.judge import twin_is_resolved
+from retrue.recalibration.options import RecalibrateOptions
+from retrue.recalibration.prepare import Rays
+from retrue.recalibration.result import Verification
+from retrue.rig import Rig
+
+
+@dataclass(frozen=True, slots=True)
+class VerifyOptions:
+    """Limits of `verify`.
+
+    Attributes
+    ----------
+    false_alarms
+        Share of good rigs that may be called drifted.
+    focal_sigma
+        How well the focal lengths are known, relative: what an intrinsic error does to the pose is no drift.
+    principal_point_sigma_px
+        How well the principal points are known.
+    rig_sigma_rotation_deg
+        How well a rig knows its own rotation, per axis, where its evidence states no covariance.
+    rig_sigma_translation_deg
+        Likewise for the direction of t.
+    max_sigma_rotation_deg
+        A capture that knows the rotation no better than this says "unknown" rather than "good".
+    max_sigma_translation_deg
+        Likewise for the direction of t.
+    estimate
+        Limits of the estimate itself.
+    """
+
+    false_alarms: float = 1e-3
+    focal_sigma: float = 5e-4
+    principal_point_sigma_px: float = 0.5
+    rig_sigma_rotation_deg: float = 0.02
+    rig_sigma_translation_deg: float = 0.05
+    max_sigma_rotation_deg: float = 0.25
+    max_sigma_translation_deg: float = 1.5
+    estimate: RecalibrateOptions = field(default_factory=RecalibrateOptions)
+
+
+def verify(rig: Rig, captures: Sequence[Correspondences], options: VerifyOptions | None = None) -> Verification:
+    """Compare the rig's pose with the one that the captures support by themselves.
+
+    The statistic is d^T C^-1 d, chi-square with five degrees of freedom for a rig that still holds: d is the
+    difference in rotation and direction of t, C the covariance of the capture's pose, of the rig's own (where its
+    evidence gives one), and what uncertain intrinsics do to the pose.
+
+    Parameters
+    ----------
+    rig, captures : as in `recalibrate`.
+
+    Raises InputError where there are no captures.
+    """
+    options = options or VerifyOptions()
+    if not captures:
+        raise InputError("verify: expected at least one capture, found none")
+    total = sum(len(capture) for capture in captures)
+    try:
+        estimate = estimate_pose(rig, captures, options.estimate)
+        fit = _supported_fit(rig, estimate, options.estimate)
+    except DegenerateError as error:
+        return Verification("unknown", str(error), None, total)
+    old = rig.projector_from_camera
+    points = estimate.rays.points
+    unit_t = old.t / np.linalg.norm(old.t)
+    epipolar_rms = rms(epipolar_residuals(old.R, unit_t, points)[fit.explained])
+    difference = pose_difference(fit.pose, old)
+    covariance = (
+        fit.covariance + _intrinsics_covariance(rig, estimate.rays, fit, options) + _rig_covariance(rig, options)
+    )
+    distance = float(np.sqrt(difference @ np.linalg.solve(covariance, difference)))
+    found = change(old, RigidTransform(fit.pose.R, fit.pose.t * np.linalg.norm(old.t)))
+    uncertainty = sigma(covariance)
+    limit = _distance_limit(options.false_alarms)
+
+    def verdict(word: Literal["good", "drifted", "unknown"], reason: str) -> Verification:
+        return Verification(word, reason, epipolar_rms, total, found, distance, uncertainty)
+
+    moved = f"{found.rotation_deg:.3f} deg in rotation, {found.translation_deg:.3f} deg in the direction of t"
+    share = float(np.mean(fit.explained))
+    if not share >= 1 - options.estimate.max_outliers:
+        return verdict("unknown", f"only {share:.0%} of the correspondences agree with one pose")
+    if distance > limit:
+        return verdict("drifted", f"the capture supports another pose: {moved}, {distance:.1f} sigma; recalibrate")
+    precise = (
+        uncertainty.rotation_deg <= options.max_sigma_rotation_deg
+        and uncertainty.translation_deg <= options.max_sigma_translation_deg
+    )
+    if not (distance <= limit and precise):
+        return verdict(
+            "unknown",
+            f"the capture knows the pose only to {uncertainty.rotation_deg:.2g} deg and"
+            f" {uncertainty.translation_deg:.2g} deg; fill more of the picture, or add captures",
+        )
+    return verdict("good", f"the capture supports the rig's pose: {moved}, {distance:.1f} sigma")
+
+
+def pose_difference(pose: TwoViewPose, old: RigidTransform) -> FloatArray:
+    """(5,) from the old pose to `pose`, in the frame of `pose_covariance`; an angle also where t is far off."""
+    t = old.t / np.linalg.norm(old.t)
+    across = tangent_basis(pose.t).T @ -t
+    sine = float(np.linalg.norm(across))
+    angle = float(np.arctan2(sine, pose.t @ t))
+    if sine > 0:
+        across = across * (angle / sine)
+    return np.concatenate([vector_from_rotation(pose.R @ old.R.T), across])
+
+
+def _supported_fit(rig: Rig, estimate: Estimate, options: RecalibrateOptions) -> PoseFit:
+    """The pose of the captures on all points: the resolved candidate, else the one nearer to the rig."""
+    comparison, rays = estimate.comparison, estimate.rays
+    chosen = comparison.fits[0]
+    if not twin_is_resolved(comparison, options):
+        chosen = min(comparison.fits, key=lambda fit: _distance(fit, rig.projector_from_camera))
+    return refine(chosen.pose, rays.points, picture_blocks(rays.points.camera_rays, rays.capture), iterations=2)
+
+
+def _distance(fit: PoseFit, old: RigidTransform) -> float:
+    difference = pose_difference(fit.pose, old)
+    return float(difference @ np.linalg.solve(fit.covariance, difference))
+
+
+def _intrinsics_covariance(rig: Rig, rays: Rays, fit: PoseFit, options: VerifyOptions) -> FloatArray:
+    """(5, 5) what the uncertainty of both devices' intrinsics does to the fitted pose, to first order."""
+    covariance = np.zeros((POSE_PARAMETERS, POSE_PARAMETERS))
+    for name, device in (("camera_rays", rig.camera), ("projector_rays", rig.projector)):
+        seen = getattr(rays.points, name)
+        shift = options.principal_point_sigma_px / device.K[0, 0]
+        shifts = np.array([[shift, 0.0], [0.0, shift]])
+        for moved in (seen * (1 + options.focal_sigma), seen + shifts[0], seen + shifts[1]):
+            step = _step_for(fit, rays.points, replace(rays.points, **{name: moved}))
+            covariance += np.outer(step, step)
+    return covariance
+
+
+def _step_for(fit: PoseFit, points: TwoViewPoints, moved: TwoViewPoints) -> FloatArray:
+    """(5,) how far the fitted pose follows points that move."""
+    found = residuals(fit.pose, moved, jacobian=False)
+    change_of_residuals = replace(
+        fit.found, epipolar=found.epipolar - fit.found.epipolar, along=found.along - fit.found.along
+    )
+    _, gradient = normal_equations(
+        fit.pose,
+        points,
+        change_of_residuals,
+        fit.epipolar_weights / fit.epipolar_noise.variance,
+        fit.along_weights / fit.along_noise.variance,
+    )
+    return solve_normal_equations(fit.information, -gradient)[:POSE_PARAMETERS]
+
+
+def _rig_covariance(rig: Rig, options: VerifyOptions) -> FloatArray:
+    """(5, 5) of the rig's own pose: what its evidence states, else what is usual."""
+    stated = rig.evidence.get("covariance")
+    if stated is None:
+        rotation, translation = np.radians([options.rig_sigma_rotation_deg, options.rig_sigma_translation_deg])
+        return np.diag([rotation**2] * 3 + [translation**2] * 2)
+    covariance = finite_array(stated, (POSE_PARAMETERS, POSE_PARAMETERS), "rig evidence, covariance")
+    if not np.linalg.eigvalsh(covariance)[0] >= -1e-12 * np.abs(covariance).max():
+        raise InputError("rig evidence, covariance: expected a covariance, found negative eigenvalues")
+    return covariance
+
+
+def _distance_limit(false_alarms: float) -> float:
+    from scipy.special import chdtri
+
+    return float(np.sqrt(chdtri(POSE_PARAMETERS, false_alarms)))
