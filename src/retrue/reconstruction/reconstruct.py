@@ -43,10 +43,7 @@ def reconstruct(rig: Rig, points: Correspondences, options: ReconstructOptions |
         raise InputError(f"outlier_sigmas: expected a positive number, found {options.outlier_sigmas}")
     if not np.linalg.norm(rig.projector_from_camera.t) > 0:
         raise DegenerateError("rig: expected a baseline, found t = 0: camera and projector coincide, so no depth")
-    camera_rays = rig.camera.unproject(points.camera_px)
-    projector_rays = rig.projector.unproject(points.projector_px)
-    sigmas = {"camera_sigma": _ray_sigma(rig.camera), "projector_sigma": _ray_sigma(rig.projector)}
-
+    camera_rays, projector_rays, sigmas = _rays(rig, points)
     residual_px = sampson_distances(rig.projector_from_camera, camera_rays, projector_rays, **sigmas)
     outlier = _outliers(residual_px, options.outlier_sigmas)
     X = triangulate(rig.projector_from_camera, camera_rays, projector_rays, **sigmas)
@@ -65,6 +62,18 @@ def reconstruct(rig: Rig, points: Correspondences, options: ReconstructOptions |
     }
     cells = None if points.cells is None else points.cells[kept]
     return Cloud(X[kept], _colors(points)[kept], points.camera_px[kept], rig.unit, cells, card)
+
+
+def epipolar_residuals(rig: Rig, points: Correspondences) -> FloatArray:
+    """Signed distance (N,) in pixels by which each point's two rays miss each other, Sampson's approximation."""
+    camera_rays, projector_rays, sigmas = _rays(rig, points)
+    return sampson_distances(rig.projector_from_camera, camera_rays, projector_rays, **sigmas)
+
+
+def _rays(rig: Rig, points: Correspondences) -> tuple[FloatArray, FloatArray, dict[str, float]]:
+    """Undistorted rays of both devices, and the sigma of one pixel on them."""
+    sigmas = {"camera_sigma": _ray_sigma(rig.camera), "projector_sigma": _ray_sigma(rig.projector)}
+    return rig.camera.unproject(points.camera_px), rig.projector.unproject(points.projector_px), sigmas
 
 
 def _ray_sigma(camera: Camera) -> float:

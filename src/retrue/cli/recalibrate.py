@@ -1,0 +1,73 @@
+"""`retrue recalibrate`."""
+
+from __future__ import annotations
+
+import time
+from dataclasses import dataclass, field
+from pathlib import Path
+
+from tyro.conf import OmitArgPrefixes
+
+from retrue.cli.command import DONE, REFUSED_OR_DRIFTED, CapturePaths, Command, Outcome, PatternPath, RigPath, read_captures, require_writable
+from retrue.recalibration.options import RecalibrateOptions
+from retrue.recalibration.result import Accepted, Refused
+
+
+@dataclass(frozen=True, kw_only=True)
+class Recalibrate(Command):
+    """Find the pose of a rig again from what it sees now; a scene that holds a plane will do.
+
+    Attributes
+    ----------
+    rig
+        The rig as it was last calibrated; its intrinsics are kept.
+    captures
+        Pictures (colour grid), folders of pictures (Gray code) or points CSVs, all taken since it moved.
+    pattern
+        What the projector showed, JSON; not needed for a CSV.
+    out
+        The new rig file. Nothing is written when the answer is refused.
+    limits
+        Limits of the method.
+    """
+
+    rig: RigPath
+    captures: CapturePaths
+    pattern: PatternPath = None
+    out: Path
+    limits: OmitArgPrefixes[RecalibrateOptions] = field(default_factory=RecalibrateOptions)
+
+    def run(self) -> Outcome:
+        from retrue.cli.json_output import recalibration_report
+        from retrue.files.rigs import read_rig, write_rig
+        from retrue.recalibration.recalibrate import recalibrate
+
+        require_writable(self.out)
+        rig = read_rig(self.rig)
+        captures = read_captures(self.captures, self.pattern)
+        start = time.perf_counter()
+        result = recalibrate(rig, captures, self.limits)
+        seconds = time.perf_counter() - start
+        if isinstance(result, Accepted):
+            write_rig(self.out, result.rig)
+        report = recalibration_report(result, seconds)
+        return Outcome(report, describe(result, self.out), DONE if isinstance(result, Accepted) else REFUSED_OR_DRIFTED)
+
+
+def describe(result: Accepted | Refused, out: Path) -> str:
+    """The answer in a few lines."""
+    evidence = result.evidence
+    lines = [f"accepted: {result.reason}" if isinstance(result, Accepted) else f"refused: {result.reason}"]
+    lines.append(f"from {evidence.correspondences} correspondences")
+    if evidence.rms_px is not None:
+        lines[-1] += f", RMS {evidence.rms_px:.3f} px"
+    if evidence.change is not None:
+        change = evidence.change
+        lines.append(f"moved by {change.rotation_deg:.3f} deg, direction of t by {change.translation_deg:.3f} deg")
+    if evidence.sigma is not None:
+        sigma = evidence.sigma
+        lines.append(f"sigma {sigma.rotation_deg:.3f} deg, direction of t {sigma.translation_deg:.3f} deg")
+    if evidence.scale:
+        lines.append(f"scale: {evidence.scale}")
+    lines.append(f"{out}: written" if isinstance(result, Accepted) else "nothing was written")
+    return "\n".join(lines)
