@@ -8,15 +8,12 @@ from importlib.resources import as_file, files
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-import numpy as np
-
 from retrue.cli.command import DONE, REFUSED_OR_DRIFTED, Command, Outcome, log, made_folder
-from retrue.geometry.transform import RigidTransform, direction_angle, rotation_angle
-from retrue.recalibration.result import Accepted
 
 if TYPE_CHECKING:
     from retrue.correspondences import Correspondences
     from retrue.geometry.arrays import Image
+    from retrue.geometry.transform import RigidTransform
     from retrue.rig import Rig
 
 
@@ -38,6 +35,7 @@ class Demo(Command):
         from retrue.files.patterns import read_pattern
         from retrue.files.rigs import read_rig
         from retrue.recalibration.recalibrate import recalibrate
+        from retrue.recalibration.result import Accepted
 
         folder = made_folder(self.out)
         with as_file(files("retrue") / "demo_data") as data:
@@ -68,6 +66,8 @@ class Demo(Command):
 
 def _reconstruct(folder: Path, image: Image, points: Correspondences, before: Rig, after: Rig) -> dict[str, Any]:
     """Write all that the new rig gives; returns what there is to say of it."""
+    import numpy as np
+
     from retrue.files.atomic import replaced_file
     from retrue.files.ply import write_cloud, write_mesh
     from retrue.files.rigs import write_rig
@@ -99,9 +99,13 @@ def _reconstruct(folder: Path, image: Image, points: Correspondences, before: Ri
 
 
 def _distance(pose: RigidTransform, true: RigidTransform) -> dict[str, float]:
+    from math import degrees
+
+    from retrue.geometry.transform import direction_angle, rotation_angle
+
     return {
-        "rotation_deg": float(np.degrees(rotation_angle(pose.R @ true.R.T))),
-        "translation_deg": float(np.degrees(direction_angle(pose.t, true.t))),
+        "rotation_deg": degrees(rotation_angle(pose.R @ true.R.T)),
+        "translation_deg": degrees(direction_angle(pose.t, true.t)),
     }
 
 

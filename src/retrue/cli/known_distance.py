@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from typing import Any, get_args
+from typing import TYPE_CHECKING, Any, get_args
 
-import numpy as np
 from tyro.constructors import ConstructorRegistry, PrimitiveConstructorSpec, PrimitiveTypeInfo
 
-from retrue.geometry.arrays import FloatArray
 from retrue.recalibration.options import KnownDistance
+
+if TYPE_CHECKING:
+    from retrue.geometry.arrays import FloatArray
 
 registry = ConstructorRegistry()
 
@@ -27,6 +28,8 @@ def parse_known_distance(words: list[str]) -> KnownDistance:
 
 
 def _pixel(word: str) -> FloatArray:
+    import numpy as np
+
     parts = word.split(",")
     try:
         x, y = (float(part) for part in parts)

@@ -5,12 +5,15 @@ from __future__ import annotations
 import time
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from tyro.conf import OmitArgPrefixes
 
 from retrue.cli.command import DONE, REFUSED_OR_DRIFTED, CapturePaths, Command, Outcome, PatternPath, RigPath, read_captures, require_writable
 from retrue.recalibration.options import RecalibrateOptions
-from retrue.recalibration.result import Accepted, Refused
+
+if TYPE_CHECKING:
+    from retrue.recalibration.result import Accepted, Refused
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -41,6 +44,7 @@ class Recalibrate(Command):
         from retrue.cli.json_output import recalibration_report
         from retrue.files.rigs import read_rig, write_rig
         from retrue.recalibration.recalibrate import recalibrate
+        from retrue.recalibration.result import Accepted
 
         require_writable(self.out)
         rig = read_rig(self.rig)
@@ -48,16 +52,17 @@ class Recalibrate(Command):
         start = time.perf_counter()
         result = recalibrate(rig, captures, self.limits)
         seconds = time.perf_counter() - start
-        if isinstance(result, Accepted):
-            write_rig(self.out, result.rig)
         report = recalibration_report(result, seconds)
-        return Outcome(report, describe(result, self.out), DONE if isinstance(result, Accepted) else REFUSED_OR_DRIFTED)
+        if not isinstance(result, Accepted):
+            return Outcome(report, f"{_described(result)}\nnothing was written", REFUSED_OR_DRIFTED)
+        write_rig(self.out, result.rig)
+        return Outcome(report, f"{_described(result)}\n{self.out}: written", DONE)
 
 
-def describe(result: Accepted | Refused, out: Path) -> str:
+def _described(result: Accepted | Refused) -> str:
     """The answer in a few lines."""
     evidence = result.evidence
-    lines = [f"accepted: {result.reason}" if isinstance(result, Accepted) else f"refused: {result.reason}"]
+    lines = [f"{type(result).__name__.lower()}: {result.reason}"]
     lines.append(f"from {evidence.correspondences} correspondences")
     if evidence.rms_px is not None:
         lines[-1] += f", RMS {evidence.rms_px:.3f} px"
@@ -69,5 +74,4 @@ def describe(result: Accepted | Refused, out: Path) -> str:
         lines.append(f"sigma {sigma.rotation_deg:.3f} deg, direction of t {sigma.translation_deg:.3f} deg")
     if evidence.scale:
         lines.append(f"scale: {evidence.scale}")
-    lines.append(f"{out}: written" if isinstance(result, Accepted) else "nothing was written")
     return "\n".join(lines)
