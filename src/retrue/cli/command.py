@@ -1,0 +1,105 @@
+"""What every command is and what it comes to."""
+
+from __future__ import annotations
+
+import os
+import sys
+from abc import ABC, abstractmethod
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+from tyro.conf import Positional, arg
+
+from retrue.errors import FileError, InputError
+
+if TYPE_CHECKING:
+    from retrue.correspondences import Correspondences
+
+RigPath = Positional[Annotated[Path, arg(metavar="RIG")]]
+CapturePath = Positional[Annotated[Path, arg(metavar="CAPTURE")]]
+CapturePaths = Positional[Annotated[tuple[Path, ...], arg(metavar="CAPTURE...")]]
+PatternPath = Annotated[Path | None, arg(metavar="P.json")]
+
+DONE = 0
+REFUSED_OR_DRIFTED = 1
+BAD_INPUT = 2
+
+
+@dataclass(frozen=True, slots=True)
+class Outcome:
+    """What a command found.
+
+    Attributes
+    ----------
+    report
+        Plain JSON values, for `--json`.
+    text
+        The same for people.
+    exit_status
+        `DONE` or `REFUSED_OR_DRIFTED`.
+    """
+
+    report: Mapping[str, Any]
+    text: str
+    exit_status: int = DONE
+
+
+@dataclass(frozen=True, kw_only=True)
+class Command(ABC):
+    """A command; its fields are its arguments.
+
+    Attributes
+    ----------
+    json
+        Print one JSON object to stdout and nothing else.
+    """
+
+    json: bool = False
+
+    @abstractmethod
+    def run(self) -> Outcome:
+        """Do it; a `RetrueError` means that what was handed in cannot be used."""
+
+
+def log(message: str) -> None:
+    """Progress, out of the way of what a program may read from stdout."""
+    print(message, file=sys.stderr, flush=True)
+
+
+def require_writable(*paths: Path | None) -> None:
+    """Find out before the work, not after it, that an answer has nowhere to go."""
+    for path in paths:
+        if path is None:
+            continue
+        if path.is_dir():
+            raise FileError(path, "expected a file to write, found a folder")
+        if not path.parent.is_dir():
+            raise FileError(path, f"cannot be written: {path.parent} is no folder; make it first")
+        if not os.access(path.parent, os.W_OK):
+            raise FileError(path, f"cannot be written: no permission to write in {path.parent}")
+
+
+def made_folder(path: Path) -> Path:
+    """The folder, made where it is not there yet."""
+    try:
+        path.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise FileError(path, f"cannot be made a folder: {error.strerror or error}") from error
+    return path
+
+
+def read_captures(captures: Sequence[Path], pattern: Path | None) -> list[Correspondences]:
+    """Each decoded or read, and said how many points it holds."""
+    from retrue.files.captures import read_capture
+    from retrue.files.patterns import read_pattern
+
+    if not captures:
+        raise InputError("expected at least one CAPTURE after the rig, found none")
+    spec = None if pattern is None else read_pattern(pattern)
+    points: list[Correspondences] = []
+    for capture in captures:
+        points.append(read_capture(capture, spec))
+        log(f"{capture}: {len(points[-1])} correspondences")
+    return points

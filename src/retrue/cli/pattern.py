@@ -1,0 +1,54 @@
+"""`retrue pattern`."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Literal
+
+from tyro.conf import Positional
+
+from retrue.cli.command import Command, Outcome, made_folder
+
+
+@dataclass(frozen=True, kw_only=True)
+class Pattern(Command):
+    """Make the pictures to project, and the pattern.json that decodes them.
+
+    Attributes
+    ----------
+    kind
+        One picture for a single capture, or a sequence for dense points.
+    projector_size
+        Width and height of the projector in pixels.
+    out
+        Folder for the PNG pictures and pattern.json; made where it is not there.
+    """
+
+    kind: Positional[Literal["color-grid", "gray-code"]]
+    projector_size: tuple[int, int]
+    out: Path
+
+    def run(self) -> Outcome:
+        from retrue.files.images import write_image
+        from retrue.files.patterns import write_pattern
+        from retrue.patterns.color_grid import make_color_grid
+        from retrue.patterns.gray_code import GrayCode
+
+        if self.kind == "color-grid":
+            pattern = make_color_grid(self.projector_size)
+            pictures = {"pattern.png": pattern.render()}
+        else:
+            pattern = GrayCode(self.projector_size)
+            pictures = {f"pattern_{number:02d}.png": picture for number, picture in enumerate(pattern.render())}
+        folder = made_folder(self.out)
+        for name, picture in pictures.items():
+            write_image(folder / name, picture)
+        write_pattern(folder / "pattern.json", pattern)
+        report = {
+            "kind": self.kind,
+            "projector_size": list(self.projector_size),
+            "pattern": str(folder / "pattern.json"),
+            "pictures": [str(folder / name) for name in pictures],
+        }
+        return Outcome(report, f"{folder}: {len(pictures)} picture(s) to project, and pattern.json")

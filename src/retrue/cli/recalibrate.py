@@ -1,0 +1,77 @@
+"""`retrue recalibrate`."""
+
+from __future__ import annotations
+
+import time
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from tyro.conf import OmitArgPrefixes
+
+from retrue.cli.command import DONE, REFUSED_OR_DRIFTED, CapturePaths, Command, Outcome, PatternPath, RigPath, read_captures, require_writable
+from retrue.recalibration.options import RecalibrateOptions
+
+if TYPE_CHECKING:
+    from retrue.recalibration.result import Accepted, Refused
+
+
+@dataclass(frozen=True, kw_only=True)
+class Recalibrate(Command):
+    """Find the pose of a rig again from what it sees now; a scene that holds a plane will do.
+
+    Attributes
+    ----------
+    rig
+        The rig as it was last calibrated; its intrinsics are kept.
+    captures
+        Pictures (colour grid), folders of pictures (Gray code) or points CSVs, all taken since it moved.
+    pattern
+        What the projector showed, JSON; not needed for a CSV.
+    out
+        The new rig file. Nothing is written when the answer is refused.
+    limits
+        Limits of the method.
+    """
+
+    rig: RigPath
+    captures: CapturePaths
+    pattern: PatternPath = None
+    out: Path
+    limits: OmitArgPrefixes[RecalibrateOptions] = field(default_factory=RecalibrateOptions)
+
+    def run(self) -> Outcome:
+        from retrue.cli.json_output import recalibration_report
+        from retrue.files.rigs import read_rig, write_rig
+        from retrue.recalibration.recalibrate import recalibrate
+        from retrue.recalibration.result import Accepted
+
+        require_writable(self.out)
+        rig = read_rig(self.rig)
+        captures = read_captures(self.captures, self.pattern)
+        start = time.perf_counter()
+        result = recalibrate(rig, captures, self.limits)
+        seconds = time.perf_counter() - start
+        report = recalibration_report(result, seconds)
+        if not isinstance(result, Accepted):
+            return Outcome(report, f"{_described(result)}\nnothing was written", REFUSED_OR_DRIFTED)
+        write_rig(self.out, result.rig)
+        return Outcome(report, f"{_described(result)}\n{self.out}: written", DONE)
+
+
+def _described(result: Accepted | Refused) -> str:
+    """The answer in a few lines."""
+    evidence = result.evidence
+    lines = [f"{type(result).__name__.lower()}: {result.reason}"]
+    lines.append(f"from {evidence.correspondences} correspondences")
+    if evidence.rms_px is not None:
+        lines[-1] += f", RMS {evidence.rms_px:.3f} px"
+    if evidence.change is not None:
+        change = evidence.change
+        lines.append(f"moved by {change.rotation_deg:.3f} deg, direction of t by {change.translation_deg:.3f} deg")
+    if evidence.sigma is not None:
+        sigma = evidence.sigma
+        lines.append(f"sigma {sigma.rotation_deg:.3f} deg, direction of t {sigma.translation_deg:.3f} deg")
+    if evidence.scale:
+        lines.append(f"scale: {evidence.scale}")
+    return "\n".join(lines)

@@ -1,0 +1,85 @@
+"""Clouds and meshes as PLY, binary little-endian, as the contract lays it out."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from retrue.errors import FileError
+from retrue.files.atomic import replaced_file
+from retrue.geometry.arrays import FloatArray, IntArray
+from retrue.reconstruction.cloud import Cloud, Mesh
+
+VERTEX = np.dtype([("point", "<f4", 3), ("color", "u1", 3)])
+FACE = np.dtype([("corners", "u1"), ("vertices", "<i4", 3)])
+VERTEX_PROPERTIES = [
+    "property float x",
+    "property float y",
+    "property float z",
+    "property uchar red",
+    "property uchar green",
+    "property uchar blue",
+]
+FACE_PROPERTY = "property list uchar int vertex_indices"
+LONGEST_HEADER = 4096  # bytes
+
+
+def write_cloud(path: str | Path, cloud: Cloud) -> None:
+    """`float x y z`, `uchar red green blue`, in the camera frame and the cloud's unit (in a comment)."""
+    _write(path, cloud.unit, _vertices(cloud.points, cloud.colors), None)
+
+
+def write_mesh(path: str | Path, mesh: Mesh) -> None:
+    """The same with triangles, `list uchar int vertex_indices`."""
+    faces = np.empty(len(mesh.faces), FACE)
+    faces["corners"], faces["vertices"] = 3, mesh.faces
+    _write(path, mesh.unit, _vertices(mesh.points, mesh.colors), faces)
+
+
+def read_ply(path: str | Path) -> tuple[FloatArray, NDArray[np.uint8], IntArray]:
+    """Points (N, 3), colours (N, 3) and faces (M, 3; none: M = 0) of a file of that layout."""
+    try:
+        content = Path(path).read_bytes()
+    except OSError as error:
+        raise FileError(path, f"cannot be read: {error.strerror or error}") from error
+    header, mark, body = content[:LONGEST_HEADER].partition(b"end_header\n")
+    body = content[len(header) + len(mark) :]
+    lines = [line for line in header.decode("ascii", "replace").splitlines() if not line.startswith("comment")]
+    counts = {name: int(count) for kind, name, count in map(str.split, _elements(lines)) if kind and count.isdigit()}
+    vertices, faces = counts.get("vertex", 0), counts.get("face", 0)
+    expected = _header(vertices, faces if "face" in counts else None)
+    if not mark or lines != expected:
+        raise FileError(path, "expected a binary little-endian PLY of float x y z, uchar red green blue (and triangles)")
+    if len(body) != vertices * VERTEX.itemsize + faces * FACE.itemsize:
+        raise FileError(path, f"expected {vertices} points and {faces} faces, found {len(body)} bytes: is it cut off?")
+    vertex = np.frombuffer(body, VERTEX, vertices)
+    face = np.frombuffer(body, FACE, faces, offset=vertices * VERTEX.itemsize)
+    return vertex["point"].astype(np.float64), vertex["color"].copy(), face["vertices"].astype(np.int64)
+
+
+def _vertices(points: FloatArray, colors: NDArray[np.uint8]) -> NDArray[np.void]:
+    vertices = np.empty(len(points), VERTEX)
+    vertices["point"], vertices["color"] = points, colors
+    return vertices
+
+
+def _write(path: str | Path, unit: str, vertices: NDArray[np.void], faces: NDArray[np.void] | None) -> None:
+    header = _header(len(vertices), None if faces is None else len(faces))
+    printable_unit = "".join(unit.split()).encode("ascii", "replace").decode("ascii")
+    header.insert(2, f"comment unit {printable_unit}")
+    with replaced_file(path) as stream:
+        stream.write(("\n".join(header) + "\nend_header\n").encode("ascii"))
+        stream.write(vertices.tobytes())
+        if faces is not None:
+            stream.write(faces.tobytes())
+
+
+def _header(vertices: int, faces: int | None) -> list[str]:
+    lines = ["ply", "format binary_little_endian 1.0", f"element vertex {vertices}", *VERTEX_PROPERTIES]
+    return lines if faces is None else [*lines, f"element face {faces}", FACE_PROPERTY]
+
+
+def _elements(lines: list[str]) -> list[str]:
+    return [line for line in lines if line.startswith("element ") and len(line.split()) == 3]

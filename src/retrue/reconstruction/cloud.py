@@ -1,0 +1,55 @@
+"""What a reconstruction returns: points, or points with faces."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from retrue.geometry.arrays import FloatArray, IntArray
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Cloud:
+    """N points in the camera frame.
+
+    Attributes
+    ----------
+    points : (N, 3) in `unit`, all in front of both devices.
+    colors : (N, 3) uint8 red, green, blue; mid grey where the capture has none.
+    camera_px : (N, 2) where the camera sees each point.
+    unit : the rig's unit of length.
+    cells : (N, 2) as in `Correspondences`, or None.
+    card : counts of what was kept and dropped, and the epipolar RMS in pixels.
+    """
+
+    points: FloatArray
+    colors: NDArray[np.uint8]
+    camera_px: FloatArray
+    unit: str
+    cells: IntArray | None = None
+    card: Mapping[str, Any] = field(default_factory=dict[str, Any])
+
+    def __len__(self) -> int:
+        return len(self.points)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Mesh:
+    """Triangles over points, in the camera frame.
+
+    Attributes
+    ----------
+    points : (N, 3) in `unit`.
+    colors : (N, 3) uint8 red, green, blue.
+    faces : (M, 3) indices of points, counter-clockwise as the camera sees them.
+    unit : the rig's unit of length.
+    """
+
+    points: FloatArray
+    colors: NDArray[np.uint8]
+    faces: IntArray
+    unit: str

@@ -1,0 +1,95 @@
+"""From a rig and matched pixels to a cloud of points."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from retrue.correspondences import Correspondences
+from retrue.errors import DegenerateError, InputError
+from retrue.geometry.arrays import BoolArray, FloatArray
+from retrue.geometry.camera import Camera
+from retrue.geometry.triangulation import sampson_distances, triangulate
+from retrue.reconstruction.cloud import Cloud
+from retrue.reconstruction.options import ReconstructOptions
+from retrue.rig import Rig
+
+FINEST_RESIDUAL_PX = 0.01  # rays that pass each other by less than this are no outliers, whatever the rest do
+MAD_TO_SIGMA = 1.4826  # of a normal distribution
+
+
+def reconstruct(rig: Rig, points: Correspondences, options: ReconstructOptions | None = None) -> Cloud:
+    """The cloud (N, 3) that a capture shows, in the camera frame and the rig's unit.
+
+    Undistort both pixels, correct the rays by the least that makes them meet, intersect. Points whose rays
+    pass each other by far more than the others' do, or meet behind a device or nowhere, are left out and
+    counted in `Cloud.card`. An error ALONG the epipolar line moves a point in depth and cannot be seen here.
+
+    Raises
+    ------
+    DegenerateError : the rig's devices coincide (t = 0), or no point remains.
+
+    >>> from retrue import Camera, RigidTransform
+    >>> camera = Camera((640, 480), [[500, 0, 320], [0, 500, 240], [0, 0, 1]])
+    >>> rig = Rig(camera, camera, RigidTransform(np.eye(3), [-100.0, 0, 0]), unit="mm")
+    >>> cloud = reconstruct(rig, Correspondences([[320, 240], [420, 240]], [[220, 240], [370, 240]]))
+    >>> cloud.points.round(6).tolist()
+    [[0.0, 0.0, 500.0], [200.0, 0.0, 1000.0]]
+    """
+    options = options or ReconstructOptions()
+    if not options.outlier_sigmas > 0:
+        raise InputError(f"outlier_sigmas: expected a positive number, found {options.outlier_sigmas}")
+    if not np.linalg.norm(rig.projector_from_camera.t) > 0:
+        raise DegenerateError("rig: expected a baseline, found t = 0: camera and projector coincide, so no depth")
+    camera_rays, projector_rays, sigmas = _rays(rig, points)
+    residual_px = sampson_distances(rig.projector_from_camera, camera_rays, projector_rays, **sigmas)
+    outlier = _outliers(residual_px, options.outlier_sigmas)
+    X = triangulate(rig.projector_from_camera, camera_rays, projector_rays, **sigmas)
+    in_front = np.isfinite(X).all(axis=1)
+    kept = in_front & ~outlier
+    if not kept.any():
+        raise DegenerateError(
+            f"reconstruction: none of {len(points)} points lies in front of both devices: is this the capture's rig?"
+        )
+    card: dict[str, Any] = {
+        "correspondences": len(points),
+        "points": int(kept.sum()),
+        "dropped_epipolar_outliers": int(outlier.sum()),
+        "dropped_behind_or_at_infinity": int((~in_front & ~outlier).sum()),
+        "epipolar_rms_px": float(np.sqrt(np.mean(residual_px[kept] ** 2))),
+    }
+    cells = None if points.cells is None else points.cells[kept]
+    return Cloud(X[kept], _colors(points)[kept], points.camera_px[kept], rig.unit, cells, card)
+
+
+def epipolar_residuals(rig: Rig, points: Correspondences) -> FloatArray:
+    """Signed distance (N,) in pixels by which each point's two rays miss each other, Sampson's approximation."""
+    camera_rays, projector_rays, sigmas = _rays(rig, points)
+    return sampson_distances(rig.projector_from_camera, camera_rays, projector_rays, **sigmas)
+
+
+def _rays(rig: Rig, points: Correspondences) -> tuple[FloatArray, FloatArray, dict[str, float]]:
+    """Undistorted rays of both devices, and the sigma of one pixel on them."""
+    sigmas = {"camera_sigma": _ray_sigma(rig.camera), "projector_sigma": _ray_sigma(rig.projector)}
+    return rig.camera.unproject(points.camera_px), rig.projector.unproject(points.projector_px), sigmas
+
+
+def _ray_sigma(camera: Camera) -> float:
+    """Sigma on normalised rays of one pixel of noise: one over the mean focal length."""
+    return float(1 / np.sqrt(camera.K[0, 0] * camera.K[1, 1]))
+
+
+def _outliers(residual: FloatArray, sigmas: float) -> BoolArray:
+    """Residuals beyond so many robust sigmas; NaN (a pixel outside the lens model) is left to the depth test."""
+    size = np.abs(residual)
+    finite = size[np.isfinite(size)]
+    typical = MAD_TO_SIGMA * float(np.median(finite)) if len(finite) else 0.0
+    return size > max(sigmas * typical, FINEST_RESIDUAL_PX)
+
+
+def _colors(points: Correspondences) -> NDArray[np.uint8]:
+    if points.colors is None:
+        return np.full((len(points), 3), 128, dtype=np.uint8)
+    return points.colors

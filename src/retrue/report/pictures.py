@@ -1,0 +1,98 @@
+"""Pictures of what was found, as PNG bytes."""
+
+from __future__ import annotations
+
+import io
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from retrue.correspondences import Correspondences
+from retrue.geometry.arrays import FloatArray, Image
+from retrue.geometry.camera import Camera
+from retrue.geometry.transform import RigidTransform
+from retrue.reconstruction.cloud import Cloud
+from retrue.rig import Rig
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+MOST_POINTS = 20_000  # drawn; more only blacken the picture
+FRUSTUM_SHARE = 0.15  # of the distance to the scene, so that a device is seen but hides nothing
+
+
+def residual_picture(image: Image, points: Correspondences, residuals: Sequence[tuple[str, FloatArray]]) -> bytes:
+    """The photograph once per (title, residuals (N,) in pixels), its points coloured by their size.
+
+    All share one scale, from 0.03 px to 30 px in powers of ten, so that before and after can be compared by eye.
+    """
+    from matplotlib.colors import LogNorm
+
+    figure = _figure(6.4 * len(residuals), 5.2)
+    rows = _spread(len(points))
+    grey = image if image.ndim == 2 else image.mean(axis=2)
+    drawn: Any = None
+    axes: Any = figure.subplots(1, len(residuals), squeeze=False)[0]
+    for axis, (title, residual) in zip(axes, residuals, strict=True):
+        axis.imshow(grey, cmap="gray", alpha=0.6)
+        size = np.clip(np.abs(residual[rows]), 0.03, 30)
+        x, y = points.camera_px[rows].T
+        drawn = axis.scatter(x, y, c=size, s=5, cmap="turbo", norm=LogNorm(0.03, 30))
+        axis.set_title(title)
+        axis.set_axis_off()
+    figure.colorbar(drawn, ax=axes, label="distance of the two rays, pixels", shrink=0.8)
+    return _png(figure)
+
+
+def cloud_picture(cloud: Cloud, rig: Rig) -> bytes:
+    """The cloud from above and from the side, with the camera and the projector that made it."""
+    figure = _figure(12.0, 5.2)
+    X = cloud.points[_spread(len(cloud))]
+    colors = cloud.colors[_spread(len(cloud))] / 255
+    depth = float(np.median(X[:, 2]))
+    axes: Any = figure.subplots(1, 2)
+    for axis, across, title in ((axes[0], 0, "from above"), (axes[1], 1, "from the side")):
+        axis.scatter(X[:, 2], X[:, across], c=colors, s=3)
+        projector = rig.projector_from_camera.inverse()
+        for camera, pose, name, color in (
+            (rig.camera, RigidTransform(np.eye(3), np.zeros(3)), "camera", "tab:blue"),
+            (rig.projector, projector, "projector", "tab:orange"),
+        ):
+            outline = _frustum(camera, pose, FRUSTUM_SHARE * depth)
+            axis.plot(outline[:, 2], outline[:, across], color=color, label=name)
+        axis.set_aspect("equal")
+        axis.invert_yaxis()
+        axis.set_xlabel(f"z, {cloud.unit}")
+        axis.set_ylabel(f"{'xy'[across]}, {cloud.unit}")
+        axis.set_title(title)
+        axis.grid(alpha=0.3)
+    axes[0].legend()
+    return _png(figure)
+
+
+def _frustum(camera: Camera, camera_frame_from_device: RigidTransform, length: float) -> FloatArray:
+    """A line (., 3) from the centre through the corners of the picture, in the camera frame."""
+    width, height = camera.size
+    corners = np.array([[0, 0], [width, 0], [width, height], [0, height]]) - 0.5
+    rays = np.column_stack([camera.normalise(corners), np.ones(4)]) * length
+    a, b, c, d = rays
+    centre = np.zeros(3)
+    return camera_frame_from_device.apply(np.array([centre, a, b, centre, c, d, centre, b, c, d, a]))
+
+
+def _spread(count: int) -> slice:
+    """So many rows evenly spread that a picture can show them."""
+    return slice(None, None, max(1, count // MOST_POINTS))
+
+
+def _figure(width: float, height: float) -> Figure:
+    from matplotlib.figure import Figure
+
+    return Figure(figsize=(width, height), layout="constrained")
+
+
+def _png(figure: Figure) -> bytes:
+    stream = io.BytesIO()
+    figure.savefig(stream, format="png", dpi=110)
+    return stream.getvalue()
