@@ -115,8 +115,8 @@ def test_a_bad_value_is_named(rig: Rig, tmp_path: Path, device: str, key: str, v
     [
         ('{"format": "retrue-rig", "version": NaN}', "NaN, which is no number"),
         ('{"format": "retrue-rig", "format": "x"}', "'format' twice"),
-        ("[" * 100_000, "expected JSON"),
-        ("[1]", "expected a JSON object"),
+        ('{"a":' * 100_000, "expected JSON"),
+        ("[1]", "expected a rig"),
         ("", "expected"),
         ('{"format": "retrue-rig", "version": 2}', "version: expected 1, found 2"),
         ('{"format": "retrue-rig", "version": true}', "version: expected 1"),
