@@ -1,0 +1,225 @@
+"""OpenCV's FileStorage, read and written as text: YAML, XML and JSON, matrices and numbers only.
+
+An own small reader, because files come from strangers: nothing is executed, no tag is resolved, no
+entity expanded, and an entry that nobody asks for is not even interpreted. It takes what OpenCV 2 to 5
+write (`%YAML:1.0` and `%YAML 1.2`, `opencv-matrix` and OpenCV 5's `opencv-nd-matrix`), and the plain
+YAML of ROS, which has the same shape.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Literal, cast
+from xml.etree import ElementTree
+
+import numpy as np
+
+from retrue.errors import FileError
+from retrue.files.rig_json import parse_json
+from retrue.geometry.arrays import FloatArray
+
+Syntax = Literal["yaml", "xml", "json"]
+Value = FloatArray | float | int | str
+
+NUMBER = re.compile(r"[-+]?(\d+\.?\d*|\.\d+)([eE][-+]?\d+)?")
+LARGEST_MATRIX = 10_000  # numbers; a rig has no matrix of more than 12
+
+
+@dataclass(frozen=True, slots=True)
+class Entry:
+    """One top-level entry, as text: words, and the shape that the file claims for them (None: not a matrix)."""
+
+    words: tuple[str, ...]
+    shape: tuple[int, ...] | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class Storage:
+    """The entries of a file by name; a `FileError` from here names the file and the entry."""
+
+    path: Path
+    entries: Mapping[str, Entry]
+
+    def __contains__(self, name: str) -> bool:
+        return name in self.entries
+
+    def numbers(self, name: str) -> FloatArray:
+        """All numbers of an entry, flat, row by row."""
+        if name not in self.entries:
+            raise FileError(self.path, f"{name}: expected this entry, found none")
+        entry = self.entries[name]
+        if len(entry.words) > LARGEST_MATRIX:
+            raise FileError(self.path, f"{name}: expected a small matrix, found {len(entry.words)} numbers")
+        for word in entry.words:
+            if not NUMBER.fullmatch(word):
+                raise FileError(self.path, f"{name}: expected finite numbers, found {word[:40]!r}")
+        numbers = np.array([float(word) for word in entry.words], dtype=np.float64)
+        if not np.isfinite(numbers).all():
+            raise FileError(self.path, f"{name}: expected finite numbers, found infinity")
+        if entry.shape is not None and int(np.prod(np.array(entry.shape, dtype=object))) != numbers.size:
+            shape = " x ".join(map(str, entry.shape))
+            raise FileError(self.path, f"{name}: expected {shape} numbers, found {numbers.size}")
+        return numbers
+
+    def matrix(self, name: str, rows: int, columns: int) -> FloatArray:
+        """An entry that must have that shape."""
+        numbers = self.numbers(name)
+        shape = self.entries[name].shape
+        if numbers.size != rows * columns or (shape is not None and shape != (rows, columns)):
+            found = " x ".join(map(str, shape if shape is not None else numbers.shape))
+            raise FileError(self.path, f"{name}: expected a matrix of {rows} x {columns}, found {found}")
+        return numbers.reshape(rows, columns)
+
+    def vector(self, name: str, length: int) -> FloatArray:
+        """An entry of that many numbers, lying or standing."""
+        numbers = self.numbers(name)
+        if numbers.size != length:
+            raise FileError(self.path, f"{name}: expected {length} numbers, found {numbers.size}")
+        return numbers
+
+    def text(self, name: str) -> str:
+        """An entry that is a word."""
+        if name not in self.entries:
+            raise FileError(self.path, f"{name}: expected this entry, found none")
+        return " ".join(self.entries[name].words).strip("\"'")
+
+
+def parse_storage(path: Path, text: str) -> Storage:
+    """The entries of a FileStorage file, whichever syntax `text` is in."""
+    start = text.lstrip()[:1]
+    if start == "<":
+        return Storage(path, _xml_entries(path, text))
+    if start == "{":
+        return Storage(path, _json_entries(parse_json(path, text)))
+    return Storage(path, _yaml_entries(text))
+
+
+def storage_text(entries: Mapping[str, Value], syntax: Syntax) -> str:
+    """The file that OpenCV's FileStorage reads back: seventeen digits, so that no bit is lost."""
+    if syntax == "xml":
+        body = "".join(_xml_entry(name, value) for name, value in entries.items())
+        return f'<?xml version="1.0"?>\n<opencv_storage>\n{body}</opencv_storage>\n'
+    if syntax == "json":
+        body = ",\n".join(_json_entry(name, value) for name, value in entries.items())
+        return f"{{\n{body}\n}}\n"
+    return "%YAML:1.0\n---\n" + "".join(_yaml_entry(name, value) for name, value in entries.items())
+
+
+# Reading
+
+YAML_KEY = re.compile(r"""^["']?([A-Za-z_][\w.-]*)["']?[ \t]*:(?=[ \t\r]|$)""")
+YAML_FIELD = re.compile(r"^\s*(rows|cols|sizes|dt|data)\s*:", re.MULTILINE)
+
+
+def _yaml_entries(text: str) -> dict[str, Entry]:
+    blocks: dict[str, list[str]] = {}
+    block: list[str] = []
+    for line in text.splitlines():
+        if line.startswith(("%", "#", "---", "...")):
+            continue
+        if key := YAML_KEY.match(line):
+            block = blocks.setdefault(key[1], [])
+            block.clear()
+            line = line[key.end() :]
+        block.append(line)
+    return {name: _yaml_entry_of("\n".join(lines)) for name, lines in blocks.items()}
+
+
+def _yaml_entry_of(block: str) -> Entry:
+    pieces = YAML_FIELD.split(block)
+    fields = dict(zip(pieces[1::2], pieces[2::2], strict=True))
+    if "data" in fields:
+        return Entry(_words(fields.pop("data")), _shape({name: _words(value) for name, value in fields.items()}))
+    return Entry(_words(block))
+
+
+def _xml_entries(path: Path, text: str) -> dict[str, Entry]:
+    if "<!" in re.sub(r"<!--.*?-->", "", text, flags=re.DOTALL):
+        raise FileError(path, "expected OpenCV's XML, found a declaration (<!...); such files are not read")
+    try:
+        root = ElementTree.fromstring(text)
+    except (ElementTree.ParseError, ValueError, RecursionError) as error:
+        raise FileError(path, f"expected XML, found {error}") from error
+    entries: dict[str, Entry] = {}
+    for element in root:
+        fields = {child.tag: _words(child.text or "") for child in element}
+        if "data" in fields:
+            entries[element.tag] = Entry(fields.pop("data"), _shape(fields))
+        else:
+            entries[element.tag] = Entry(_words(element.text or ""))
+    return entries
+
+
+def _json_entries(document: Mapping[str, Any]) -> dict[str, Entry]:
+    entries: dict[str, Entry] = {}
+    for name, value in document.items():
+        if isinstance(value, dict) and "data" in value:
+            fields = {key: _json_words(item) for key, item in cast(dict[str, Any], value).items()}
+            entries[name] = Entry(fields.pop("data"), _shape(fields))
+        else:
+            entries[name] = Entry(_json_words(value))
+    return entries
+
+
+def _json_words(value: Any, depth: int = 0) -> tuple[str, ...]:
+    if isinstance(value, list) and depth < 2:
+        return tuple(word for item in cast(list[Any], value) for word in _json_words(item, depth + 1))
+    return (str(value),) if isinstance(value, int | float | str) else ("null",)
+
+
+def _words(text: str) -> tuple[str, ...]:
+    """The words of a flow list, a block list, a scalar or an XML text."""
+    text = re.sub(r"(^|\s)#.*|!![\w-]+", " ", text)
+    text = re.sub(r"^\s*-\s+", " ", text, flags=re.MULTILINE)
+    return tuple(re.sub(r"[\[\],]", " ", text).split())
+
+
+def _shape(fields: Mapping[str, Iterable[str]]) -> tuple[int, ...] | None:
+    sides = [word for name in ("rows", "cols", "sizes") for word in fields.get(name, ())]
+    if not all(re.fullmatch(r"\d{1,9}", side) for side in sides):
+        return (-1,)  # fits no matrix
+    return tuple(int(side) for side in sides) or None
+
+
+# Writing
+
+
+def _digits(number: float) -> str:
+    digits = f"{number:.17g}"
+    return digits if any(mark in digits for mark in ".e") else f"{digits}.0"
+
+
+def _matrix(value: FloatArray) -> tuple[int, int, list[str]]:
+    matrix = value.reshape(-1, 1) if value.ndim == 1 else value
+    return matrix.shape[0], matrix.shape[1], [_digits(number) for number in matrix.ravel().tolist()]
+
+
+def _scalar(value: float | int | str) -> str:
+    return _digits(value) if isinstance(value, float) else str(value)
+
+
+def _yaml_entry(name: str, value: Value) -> str:
+    if not isinstance(value, np.ndarray):
+        return f"{name}: {_scalar(value)}\n"
+    rows, cols, digits = _matrix(value)
+    data = f"   data: [ {', '.join(digits)} ]\n"
+    return f"{name}: !!opencv-matrix\n   rows: {rows}\n   cols: {cols}\n   dt: d\n{data}"
+
+
+def _xml_entry(name: str, value: Value) -> str:
+    if not isinstance(value, np.ndarray):
+        return f"<{name}>{_scalar(value)}</{name}>\n"
+    rows, cols, digits = _matrix(value)
+    data = f"  <data>\n    {' '.join(digits)}</data></{name}>\n"
+    return f'<{name} type_id="opencv-matrix">\n  <rows>{rows}</rows>\n  <cols>{cols}</cols>\n  <dt>d</dt>\n{data}'
+
+
+def _json_entry(name: str, value: Value) -> str:
+    if not isinstance(value, np.ndarray):
+        return f'    "{name}": {_scalar(value) if not isinstance(value, str) else chr(34) + value + chr(34)}'
+    rows, cols, digits = _matrix(value)
+    head = f'        "type_id": "opencv-matrix", "rows": {rows}, "cols": {cols}, "dt": "d",\n'
+    return f'    "{name}": {{\n{head}        "data": [ {", ".join(digits)} ]\n    }}'

@@ -1,0 +1,208 @@
+"""The rig files of other tools: which entry of an OpenCV FileStorage holds what, and in whose convention.
+
+All of them store X_projector = R X_camera + T, and OpenCV's distortion order. None stores a unit of length.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Literal
+
+import numpy as np
+
+from retrue.errors import FileError, InputError
+from retrue.files.storage import Storage, Syntax, Value
+from retrue.geometry.arrays import FloatArray
+from retrue.geometry.camera import Camera
+from retrue.geometry.transform import RigidTransform, skew
+from retrue.rig import Rig
+
+Role = Literal["camera", "projector"]
+Size = tuple[int, int]
+
+
+@dataclass(frozen=True, slots=True)
+class SizeEntries:
+    """Where a picture size stands: one entry of two numbers, or two entries of one, (width, height)."""
+
+    names: tuple[str, ...]
+    height_first: bool = False
+
+
+@dataclass(frozen=True, slots=True)
+class ToolFormat:
+    """One tool's entries.
+
+    Attributes
+    ----------
+    camera, projector : names of K and of the distortion.
+    R, T : names of the pose; the first is written, any is read.
+    camera_size, projector_size : None where the tool does not store it.
+    first_pixel : coordinate of the centre of the top-left pixel: 0, or 1 where the tool counts as MATLAB does.
+    most_distortion : coefficients that the tool can read back.
+    essential : whether the tool refuses a file that lacks E and F.
+    syntax : the one that the tool itself writes.
+    """
+
+    name: str
+    camera: tuple[str, str]
+    projector: tuple[str, str]
+    R: tuple[str, ...] = ("R",)
+    T: tuple[str, ...] = ("T",)
+    camera_size: SizeEntries | None = None
+    projector_size: SizeEntries | None = None
+    first_pixel: int = 0
+    most_distortion: int = 12
+    essential: bool = False
+    syntax: Syntax = "yaml"
+
+
+TOOL_FORMATS = (
+    ToolFormat("scan3d-capture", ("cam_K", "cam_kc"), ("proj_K", "proj_kc"), essential=True),
+    ToolFormat(
+        "procam-calibration",
+        ("cam_int", "cam_dist"),
+        ("proj_int", "proj_dist"),
+        R=("roration", "rotation"),  # the tool's own spelling, by which its readers find it
+        T=("translation",),
+        camera_size=SizeEntries(("img_shape",), height_first=True),
+        syntax="xml",
+    ),
+    ToolFormat("single-shot-pro-cam-calib", ("camK", "camKc"), ("prjK", "prjKc"), first_pixel=1),
+    ToolFormat(
+        "slstudio",
+        ("Kc", "kc"),
+        ("Kp", "kp"),
+        R=("Rp",),
+        T=("Tp",),
+        camera_size=SizeEntries(("frameWidth", "frameHeight")),
+        projector_size=SizeEntries(("screenResX", "screenResY")),
+        most_distortion=5,
+        syntax="xml",
+    ),
+    ToolFormat(
+        "sltk",
+        ("cam_K", "cam_kc"),
+        ("pro_K", "pro_kc"),
+        camera_size=SizeEntries(("cam_size",)),
+        projector_size=SizeEntries(("pro_size",)),
+    ),
+    ToolFormat(
+        "slmaster",
+        ("M1", "D1"),
+        ("M4", "D4"),
+        R=("Rlp",),
+        T=("Tlp",),
+        camera_size=SizeEntries(("S",)),
+        most_distortion=5,
+    ),
+)
+
+
+def recognise(storage: Storage) -> ToolFormat:
+    """The tool whose entries these are; a `FileError` says what the nearest one lacks."""
+
+    def missing(tool: ToolFormat) -> list[str]:
+        needed = [(name,) for name in (*tool.camera, *tool.projector)] + [tool.R, tool.T]
+        return [" or ".join(names) for names in needed if not any(name in storage for name in names)]
+
+    nearest = min(TOOL_FORMATS, key=lambda tool: len(missing(tool)))
+    lacking = missing(nearest)
+    if len(lacking) == 6:
+        names = ", ".join(tool.name for tool in TOOL_FORMATS)
+        raise FileError(storage.path, f"expected a rig of retrue, {names}, or one device of ROS or mrcal; found none")
+    if lacking:
+        raise FileError(storage.path, f"looks like {nearest.name}, but {', '.join(lacking)} is missing")
+    return nearest
+
+
+def rig_from_storage(
+    storage: Storage, tool: ToolFormat, camera_size: Size | None, projector_size: Size | None, unit: str | None
+) -> Rig:
+    """The rig; what the tool does not store must be handed in, and must not contradict what it does."""
+    camera = camera_from_storage(storage, tool, "camera", camera_size)
+    projector = camera_from_storage(storage, tool, "projector", projector_size)
+    if unit is None:
+        raise FileError(storage.path, f'unit: {tool.name} does not store the unit of T; say unit, such as "mm"')
+    R = storage.matrix(next(name for name in tool.R if name in storage), 3, 3)
+    t = storage.vector(next(name for name in tool.T if name in storage), 3)
+    try:
+        return Rig(camera, projector, RigidTransform(R, t), unit)
+    except InputError as error:
+        raise FileError(storage.path, str(error)) from error
+
+
+def camera_from_storage(storage: Storage, tool: ToolFormat, role: Role, size: Size | None) -> Camera:
+    """One device of the rig."""
+    K_name, distortion_name = tool.camera if role == "camera" else tool.projector
+    K = storage.matrix(K_name, 3, 3)
+    K[:2, 2] -= tool.first_pixel
+    distortion = trimmed(storage.numbers(distortion_name))
+    size = settled_size(storage.path, tool.name, f"{role}_size", _size(storage, tool, role), size)
+    try:
+        return Camera(size, K, distortion)
+    except InputError as error:
+        raise FileError(storage.path, f"{K_name}, {distortion_name}: {error}") from error
+
+
+def storage_from_rig(rig: Rig, tool: ToolFormat) -> dict[str, Value]:
+    """The entries that the tool reads."""
+    pose = rig.projector_from_camera
+    entries: dict[str, Value] = {}
+    for role, names in (("camera", tool.camera), ("projector", tool.projector)):
+        camera = rig.camera if role == "camera" else rig.projector
+        distortion = camera.distortion
+        if len(distortion) > tool.most_distortion:
+            most = tool.most_distortion
+            raise InputError(f"{role}.distortion: {tool.name} holds {most} coefficients, this has {len(distortion)}")
+        K = camera.K.copy()
+        K[:2, 2] += tool.first_pixel
+        entries |= {names[0]: K, names[1]: distortion.reshape(1, -1)}
+        entries |= dict(_size_entries(camera.size, tool.camera_size if role == "camera" else tool.projector_size))
+    entries |= {tool.R[0]: pose.R, tool.T[0]: pose.t.reshape(3, 1)}
+    if tool.essential:
+        E = skew(pose.t) @ pose.R
+        F = np.linalg.inv(rig.projector.K).T @ E @ np.linalg.inv(rig.camera.K)
+        entries |= {"E": E, "F": F}
+    return entries
+
+
+def trimmed(distortion: FloatArray) -> FloatArray:
+    """Without the two tilt angles of OpenCV's fourteen coefficients where they are zero: the same lens."""
+    return distortion[:12] if len(distortion) == 14 and not distortion[12:].any() else distortion
+
+
+def settled_size(path: Path, tool: str, name: str, stored: Size | None, given: Size | None) -> Size:
+    """The size that file and caller agree on; never a guess."""
+    if stored is None and given is None:
+        raise FileError(path, f"{name}: {tool} does not store it; say {name}, width and height in pixels")
+    if stored is not None and given is not None and tuple(given) != stored:
+        raise FileError(path, f"{name}: the file says {stored[0]} x {stored[1]}, you say {given[0]} x {given[1]}")
+    return stored or (given if given is not None else (0, 0))
+
+
+def _size(storage: Storage, tool: ToolFormat, role: Role) -> Size | None:
+    entries = tool.camera_size if role == "camera" else tool.projector_size
+    # A fork of scan3d-capture writes procam-calibration's entries as JSON, with the same picture size whatever
+    # the camera; its own entry `stereo_error` gives it away.
+    if entries is None or (entries.height_first and "stereo_error" in storage):
+        return None
+    if not all(name in storage for name in entries.names):
+        return None
+    values = np.concatenate([storage.numbers(name) for name in entries.names])
+    if values.size != 2 or not ((values == np.round(values)) & (values >= 1) & (values <= 1_000_000)).all():
+        raise FileError(storage.path, f"{', '.join(entries.names)}: expected width and height, found {values[:4]}")
+    width, height = values[::-1] if entries.height_first else values
+    return int(width), int(height)
+
+
+def _size_entries(size: Size, entries: SizeEntries | None) -> Iterator[tuple[str, Value]]:
+    if entries is None:
+        return
+    ordered = size[::-1] if entries.height_first else size
+    if len(entries.names) == 1:
+        yield entries.names[0], np.array(ordered, dtype=np.float64)
+    else:
+        yield from zip(entries.names, ordered, strict=True)

@@ -1,0 +1,337 @@
+"""Other tools' files: every bit back, OpenCV reads ours, we read OpenCV's, rubbish raises nothing but RetrueError."""
+
+from __future__ import annotations
+
+import contextlib
+from pathlib import Path
+from typing import Any
+
+import cv2
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from retrue.errors import FileError, InputError, RetrueError
+from retrue.files.rigs import RIG_FORMATS, read_device, read_rig, write_rig
+from retrue.files.tool_formats import TOOL_FORMATS, ToolFormat
+from retrue.geometry.camera import Camera
+from retrue.geometry.transform import RigidTransform
+from retrue.rig import Rig
+
+SIZES: dict[str, Any] = {"camera_size": (1280, 1024), "projector_size": (1024, 768)}
+ENDINGS = [".yml", ".xml", ".json"]
+OPENCV_FORMATS = {
+    ".yml": cv2.FILE_STORAGE_FORMAT_YAML,
+    ".xml": cv2.FILE_STORAGE_FORMAT_XML,
+    ".json": cv2.FILE_STORAGE_FORMAT_JSON,
+}
+
+
+def make_rig(seed: int = 0, skew: float = 0.0) -> Rig:
+    """A rig with awkward digits; principal points that survive + 1 - 1 (one tool counts from 1)."""
+    rng = np.random.default_rng(seed)
+
+    def camera(size: tuple[int, int]) -> Camera:
+        f = rng.uniform(500, 5000, 2)
+        c = rng.uniform(513, 1000, 2)
+        return Camera(size, np.array([[f[0], skew, c[0]], [0, f[1], c[1]], [0, 0, 1]]), rng.normal(size=5) / 7)
+
+    pose = RigidTransform.from_rotation_vector(rng.normal(size=3), rng.normal(size=3) * 10.0 ** rng.integers(-9, 9, 3))
+    return Rig(camera(SIZES["camera_size"]), camera(SIZES["projector_size"]), pose, "mm")
+
+
+def assert_same(a: Camera, b: Camera) -> None:
+    assert a.size == b.size
+    np.testing.assert_array_equal(a.K, b.K)
+    np.testing.assert_array_equal(a.distortion, b.distortion)
+
+
+@pytest.mark.parametrize("ending", ENDINGS)
+@pytest.mark.parametrize("tool", TOOL_FORMATS, ids=lambda tool: tool.name)
+def test_tools_round_trip_to_the_last_bit(tool: ToolFormat, ending: str, tmp_path: Path) -> None:
+    for seed in range(5):
+        rig = make_rig(seed, skew=0.3)
+        path = tmp_path / f"rig{ending}"
+        lost = write_rig(path, rig, tool.name)
+        assert "unit" in lost
+        back = read_rig(path, **SIZES, unit="mm")
+        assert_same(back.camera, rig.camera)
+        assert_same(back.projector, rig.projector)
+        np.testing.assert_array_equal(back.projector_from_camera.R, rig.projector_from_camera.R)
+        np.testing.assert_array_equal(back.projector_from_camera.t, rig.projector_from_camera.t)
+
+
+@pytest.mark.parametrize("ending", ENDINGS)
+@pytest.mark.parametrize("tool", TOOL_FORMATS, ids=lambda tool: tool.name)
+def test_opencv_reads_what_we_write(tool: ToolFormat, ending: str, tmp_path: Path) -> None:
+    rig = make_rig()
+    path = tmp_path / f"rig{ending}"
+    write_rig(path, rig, tool.name)
+    storage = cv2.FileStorage(str(path), cv2.FILE_STORAGE_READ)
+    K = rig.projector.K.copy()
+    K[:2, 2] += tool.first_pixel
+    np.testing.assert_array_equal(storage.getNode(tool.projector[0]).mat(), K)
+    np.testing.assert_array_equal(storage.getNode(tool.camera[1]).mat().ravel(), rig.camera.distortion)
+    np.testing.assert_array_equal(storage.getNode(tool.T[0]).mat(), rig.projector_from_camera.t.reshape(3, 1))
+    storage.release()
+
+
+@pytest.mark.parametrize("ending", ENDINGS)
+@pytest.mark.parametrize("tool", TOOL_FORMATS, ids=lambda tool: tool.name)
+def test_we_read_what_opencv_writes(tool: ToolFormat, ending: str, tmp_path: Path) -> None:
+    rig = make_rig()
+    path = tmp_path / f"anything{ending}.dat"
+    flags = cv2.FILE_STORAGE_WRITE | getattr(
+        cv2, f"FILE_STORAGE_FORMAT_{ {'.yml': 'YAML'}.get(ending, ending[1:].upper()) }"
+    )
+    storage = cv2.FileStorage(str(path), flags)
+    storage.write("rms", 0.25)
+    storage.write("note", "taken on: a Tuesday")
+    for names, camera in ((tool.camera, rig.camera), (tool.projector, rig.projector)):
+        K = camera.K.copy()
+        K[:2, 2] += tool.first_pixel
+        storage.write(names[0], K)
+        storage.write(names[1], camera.distortion)  # one-dimensional: an nd-matrix for OpenCV 5
+    storage.write(tool.R[-1], rig.projector_from_camera.R)
+    storage.write(tool.T[0], rig.projector_from_camera.t.reshape(3, 1))
+    storage.write("modelPts", np.arange(40_000.0).reshape(-1, 2))
+    storage.release()
+    back = read_rig(path, **SIZES, unit="m")
+    assert_same(back.projector, rig.projector)
+    assert_same(back.camera, rig.camera)
+    assert back.unit == "m"
+
+
+OPENCV_4_YAML = """%YAML:1.0
+---
+cam_size: !!opencv-matrix
+   rows: 2
+   cols: 1
+   dt: i
+   data: [ 2592, 1944 ]
+cam_K: !!opencv-matrix
+   rows: 3
+   cols: 3
+   dt: d
+   data: [ 2.8213854678520406e+03, 0., 1.5067630790244727e+03, 0.,
+       2.8189296399419081e+03, 1.0922506617197882e+03, 0., 0., 1. ]
+cam_kc: !!opencv-matrix
+   rows: 1
+   cols: 5
+   dt: d
+   data: [ -2.3139508355900590e-01, .5, 0., 0., 0. ]
+pro_size: [ 1280, 800 ]
+pro_K: !!opencv-matrix
+   rows: 3
+   cols: 3
+   dt: f
+   data: [ 1653.25, 0., 622.5, 0., 1719.25, 363.5, 0., 0., 1. ]
+pro_kc: !!opencv-matrix
+   rows: 5
+   cols: 1
+   dt: d
+   data: [ -4.8e-02, 1.4, 0., 0., 0. ]
+R: !!opencv-matrix
+   rows: 3
+   cols: 3
+   dt: d
+   data: [ 1., 0., 0., 0., 1., 0., 0., 0., 1. ]
+T: !!opencv-matrix
+   rows: 3
+   cols: 1
+   dt: d
+   data: [ -183.25, -23.5, -60.75 ]
+cam_rvecs:
+   []
+input_files:
+   - "slscan_0000.yaml"
+   - "slscan_0001.yaml"
+"""
+
+
+def write(path: Path, text: str) -> Path:
+    path.write_text(text)
+    return path
+
+
+def test_a_file_of_opencv_4_as_its_users_have_it(tmp_path: Path) -> None:
+    rig = read_rig(write(tmp_path / "procam.yaml", OPENCV_4_YAML), unit="mm")
+    assert (rig.camera.size, rig.projector.size) == ((2592, 1944), (1280, 800))
+    assert rig.camera.K[1, 2] == 1.0922506617197882e03
+    assert rig.camera.distortion[1] == 0.5
+    assert rig.projector_from_camera.t.tolist() == [-183.25, -23.5, -60.75]
+    windows = write(tmp_path / "windows.yaml", OPENCV_4_YAML.replace("\n", "\r\n"))
+    np.testing.assert_array_equal(read_rig(windows, unit="mm").camera.K, rig.camera.K)
+
+
+def test_procam_calibration_stores_height_first(tmp_path: Path) -> None:
+    write_rig(tmp_path / "rig.xml", make_rig(), "procam-calibration")
+    text = (tmp_path / "rig.xml").read_text()
+    assert "1024.0 1280.0" in text
+    assert "<roration " in text
+    (tmp_path / "rig.xml").write_text(text.replace("roration", "rotation"))
+    assert read_device(tmp_path / "rig.xml", "camera").size == (1280, 1024)
+
+
+def test_a_size_that_a_tool_makes_up_is_not_believed(tmp_path: Path) -> None:
+    write_rig(tmp_path / "rig.json", make_rig(), "procam-calibration")
+    text = (tmp_path / "rig.json").read_text()
+    (tmp_path / "rig.json").write_text(text.replace("{", '{"stereo_error": {"rows": 1, "cols": 1, "data": [0.5]},', 1))
+    with pytest.raises(FileError, match="camera_size: procam-calibration does not store it"):
+        read_device(tmp_path / "rig.json", "camera")
+
+
+def test_a_tool_that_counts_from_one(tmp_path: Path) -> None:
+    rig = make_rig()
+    write_rig(tmp_path / "rig.yml", rig, "single-shot-pro-cam-calib")
+    storage = cv2.FileStorage(str(tmp_path / "rig.yml"), cv2.FILE_STORAGE_READ)
+    assert storage.getNode("camK").mat()[0, 2] == rig.camera.K[0, 2] + 1
+    storage.release()
+
+
+@pytest.mark.parametrize(("missing", "argument"), [("unit", "unit"), ("camera_size", "camera_size")])
+def test_what_a_format_lacks_is_asked_for(missing: str, argument: str, tmp_path: Path) -> None:
+    write_rig(tmp_path / "rig.yml", make_rig(), "scan3d-capture")
+    given = {**SIZES, "unit": "mm"}
+    del given[missing]
+    with pytest.raises(FileError, match=f"{argument}: scan3d-capture does not store"):
+        read_rig(tmp_path / "rig.yml", **given)
+
+
+def test_arguments_that_contradict_the_file_are_refused(tmp_path: Path) -> None:
+    write_rig(tmp_path / "rig.xml", make_rig(), "slstudio")
+    with pytest.raises(FileError, match="projector_size: the file says 1024 x 768, you say 800 x 600"):
+        read_rig(tmp_path / "rig.xml", unit="mm", projector_size=(800, 600))
+    write_rig(tmp_path / "rig.json", make_rig())
+    with pytest.raises(FileError, match="unit: the file says 'mm', you say 'm'"):
+        read_rig(tmp_path / "rig.json", unit="m")
+
+
+FAULTS = [
+    ("pro_kc:", "pro_xx:", "looks like sltk, but pro_kc is missing"),
+    ("1.0922506617197882e+03", ".Nan", "cam_K: expected finite numbers, found '.Nan'"),
+    ("1.0922506617197882e+03", ".Inf", "cam_K: expected finite numbers"),
+    ("1.0922506617197882e+03", "1e999", "cam_K: expected finite numbers, found infinity"),
+    ("1.0922506617197882e+03,", "", "cam_K: expected 3 x 3 numbers, found 8"),
+    ("data: [ 1., 0., 0., 0., 1., 0., 0., 0., 1. ]", "data: [ 1., 0., 0., 0., 2., 0., 0., 0., 1. ]", "rotation R"),
+    ("0., 0., 1. ]\ncam_kc", "0., 0., 2. ]\ncam_kc", "cam_K, cam_kc: K: expected"),
+    ("2592, 1944", "2592, -1944", "cam_size: expected width and height"),
+    ("-183.25, -23.5, -60.75", "-183.25, -23.5", "T: expected 3 x 1 numbers"),
+    ("rows: 3", "rows: 99999999999", "cam_K: expected -1 numbers"),
+]
+
+
+@pytest.mark.parametrize(("old", "new", "message"), FAULTS)
+def test_a_fault_is_named(old: str, new: str, message: str, tmp_path: Path) -> None:
+    assert old in OPENCV_4_YAML
+    with pytest.raises(FileError) as caught:
+        read_rig(write(tmp_path / "rig.yaml", OPENCV_4_YAML.replace(old, new)), unit="mm")
+    assert message in str(caught.value)
+    assert "\n" not in str(caught.value)
+
+
+def test_entities_are_not_expanded(tmp_path: Path) -> None:
+    bomb = '<?xml version="1.0"?><!DOCTYPE x [<!ENTITY a "b">]><opencv_storage><M1>&a;</M1></opencv_storage>'
+    with pytest.raises(FileError, match="declaration"):
+        read_rig(write(tmp_path / "rig.xml", bomb), unit="mm", **SIZES)
+
+
+def test_a_format_that_cannot_hold_the_rig_refuses(tmp_path: Path) -> None:
+    rig = make_rig()
+    wide = Camera(rig.camera.size, rig.camera.K, np.arange(8) / 100)
+    eight = Rig(wide, rig.projector, rig.projector_from_camera)
+    with pytest.raises(InputError, match="slstudio holds 5"):
+        write_rig(tmp_path / "rig.xml", eight, "slstudio")
+    with pytest.raises(InputError, match="mrcal has no skew"):
+        write_rig(tmp_path / "rig.cameramodel", make_rig(skew=0.1), "mrcal-camera")
+    with pytest.raises(InputError, match="format: expected one of retrue"):
+        write_rig(tmp_path / "rig.xml", rig, "nonsense")
+    assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.parametrize("role", ["camera", "projector"])
+@pytest.mark.parametrize("tool", ["ros", "mrcal"])
+@pytest.mark.parametrize("count", [5, 8])
+def test_one_device_round_trips(role: Any, tool: str, count: int, tmp_path: Path) -> None:
+    rig = make_rig()
+    lens = np.random.default_rng(1).normal(size=count) / 9
+    camera, projector = (Camera(device.size, device.K, lens) for device in (rig.camera, rig.projector))
+    rig = Rig(camera, projector, rig.projector_from_camera)
+    lost = write_rig(tmp_path / "device", rig, f"{tool}-{role}")
+    assert "unit" in lost
+    assert_same(read_device(tmp_path / "device", role), camera if role == "camera" else projector)
+    with pytest.raises(FileError, match="expected a rig, found one device"):
+        read_rig(tmp_path / "device")
+
+
+def test_mrcal_as_mrcal_writes_it(tmp_path: Path) -> None:
+    text = """# generated with mrcal-calibrate-cameras
+{
+    'lensmodel':  'LENSMODEL_OPENCV4',
+    # intrinsics are fx,fy,cx,cy,distortion0,distortion1,....
+    'intrinsics': [ 1766.0712405930, 1765.8925266865, 1944.0664501036,
+                    1064.5231421210, -0.1, 0.25, 0.001, 1e-4,],
+    'valid_intrinsics_region': [ [ 1, 2 ], ],
+    'rt_cam_ref': [ 0, 0, 0, 0, 0, 0,],
+    'imagersize': [ 3840, 2160,],
+}
+"""
+    camera = read_device(write(tmp_path / "c.cameramodel", text), "camera", size=(3840, 2160))
+    assert camera.K.tolist() == [[1766.071240593, 0, 1944.0664501036], [0, 1765.8925266865, 1064.523142121], [0, 0, 1]]
+    assert camera.distortion.tolist() == [-0.1, 0.25, 0.001, 1e-4, 0]
+    cahvor = write(tmp_path / "cahvor", text.replace("OPENCV4", "CAHVOR"))
+    with pytest.raises(FileError, match="lensmodel: expected one of LENSMODEL_OPENCV12"):
+        read_device(cahvor, "camera")
+
+
+def test_ros_with_block_lists_and_comments(tmp_path: Path) -> None:
+    text = """# by hand
+image_width: 640
+image_height: 480
+camera_name: narrow
+camera_matrix:
+  rows: 3
+  cols: 3
+  data: [500.5, 0, 320,   # fx
+         0, 501, 240, 0, 0, 1]
+distortion_model: plumb_bob
+distortion_coefficients:
+  rows: 1
+  cols: 5
+  data:
+  - -0.25
+  - 0.125
+  - 0.0
+  - 0.0
+  - 0.0
+"""
+    camera = read_device(write(tmp_path / "ros.yaml", text), "projector")
+    assert camera.size == (640, 480)
+    assert camera.K[0].tolist() == [500.5, 0, 320]
+    assert camera.distortion.tolist() == [-0.25, 0.125, 0, 0, 0]
+    fisheye = write(tmp_path / "fisheye.yaml", text.replace("plumb_bob", "equidistant"))
+    with pytest.raises(FileError, match="distortion_model: expected plumb_bob or rational_polynomial"):
+        read_device(fisheye, "camera")
+
+
+@given(st.sampled_from(RIG_FORMATS), st.integers(0, 10_000), st.integers(0, 10_000), st.binary(max_size=12))
+def test_damaged_files_raise_nothing_else(
+    tmp_path_factory: pytest.TempPathFactory, to: str, start: int, length: int, patch: bytes
+) -> None:
+    path = tmp_path_factory.getbasetemp() / "damaged"
+    write_rig(path, make_rig(), to)
+    content = path.read_bytes()
+    start %= len(content)
+    path.write_bytes(content[:start] + patch + content[start + length % 40 :])
+    for read in (lambda: read_rig(path, **SIZES, unit="mm"), lambda: read_device(path, "camera", size=(1280, 1024))):
+        with contextlib.suppress(RetrueError):  # it may still be a rig
+            read()
+
+
+@given(st.text(alphabet="{}[]<>:'\"%!&*-.,# \n\tcam_KRTdatrows3e1lensmodel", max_size=300))
+def test_rubbish_raises_nothing_else(tmp_path_factory: pytest.TempPathFactory, text: str) -> None:
+    path = tmp_path_factory.getbasetemp() / "rubbish"
+    path.write_text(text)
+    with pytest.raises(RetrueError):
+        read_rig(path, **SIZES, unit="mm")
