@@ -15,7 +15,7 @@ import numpy as np
 
 from retrue.errors import DegenerateError
 from retrue.geometry.arrays import FloatArray, IntArray
-from retrue.geometry.transform import rotation_from_vector
+from retrue.geometry.transform import rotation_from_vector, skew
 
 POSE_PARAMETERS = 5
 FREE = -1
@@ -99,9 +99,10 @@ def tangent_basis(t: FloatArray) -> FloatArray:
     """
     axis = np.zeros(3)
     axis[np.argmin(np.abs(t))] = 1.0
-    first = np.cross(t, axis)
+    T = skew(t)
+    first = T @ axis
     first /= np.linalg.norm(first)
-    return np.stack([first, np.cross(t, first)], axis=1)
+    return np.stack([first, T @ first], axis=1)
 
 
 def epipolar_residuals(R: FloatArray, t: FloatArray, points: TwoViewPoints) -> FloatArray:
@@ -111,7 +112,7 @@ def epipolar_residuals(R: FloatArray, t: FloatArray, points: TwoViewPoints) -> F
     >>> epipolar_residuals(np.eye(3), np.array([1.0, 0, 0]), points).round(4).tolist()
     [-2.1213]
     """
-    E = np.cross(t, R.T).T
+    E = skew(t) @ R
     (ex, ey, value), (fx, fy, _) = _epipolar_lines(E, points.camera_rays, points.projector_rays)
     variance = points.projector_sigma**2 * (ex * ex + ey * ey) + points.camera_sigma**2 * (fx * fx + fy * fy)
     return value / np.sqrt(variance)
@@ -120,7 +121,7 @@ def epipolar_residuals(R: FloatArray, t: FloatArray, points: TwoViewPoints) -> F
 def residuals(pose: TwoViewPose, points: TwoViewPoints, *, jacobian: bool = True) -> Residuals:
     """Both families of residuals at a pose, linearised at the corrected rays (see `TwoViewPose`)."""
     R, t = pose.R, pose.t
-    E = np.cross(t, R.T).T  # [t]x R
+    E = skew(t) @ R  # [t]x R
     x, y = points.camera_rays, points.projector_rays
     vx, vy = points.camera_sigma**2, points.projector_sigma**2
     (ex, ey, value), (fx, fy, _) = _epipolar_lines(E, x, y)
@@ -211,7 +212,7 @@ def planes_of_pose(R: FloatArray, t: FloatArray, homographies: list[FloatArray])
     planes = np.empty((len(homographies), 3))
     for index, H in enumerate(homographies):
         # lambda from the rows that t does not touch: [t]x (lambda H - R) = 0.
-        A, B = np.cross(t, H.T).T, np.cross(t, R.T).T
+        A, B = np.cross(t, H.T).T, skew(t) @ R
         planes[index] = t @ (H * (np.sum(A * B) / np.sum(A * A)) - R)
     return planes
 

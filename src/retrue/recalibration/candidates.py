@@ -17,6 +17,7 @@ from retrue.recalibration.planes import local_noise, split_planes
 from retrue.recalibration.prepare import Rays
 
 COMPARED_POINTS = 4000  # enough to tell the twins apart; the chosen one is then refined on all
+GATHERED_POINTS = 1500  # enough to bring a start near
 STARTING_PLANES = 3
 SAME_POSE = np.radians(0.5)
 PLANARITY_PX = 0.25  # how far a real board or wall is off a plane, at least, in projector pixels
@@ -69,10 +70,13 @@ def compare_candidates(rays: Rays, homographies: list[FloatArray], rng: np.rando
     """
     rays = rays.thinned(COMPARED_POINTS, rng)
     points, blocks = rays.points, picture_blocks(rays.points.camera_rays, rays.capture)
+    few = rays.thinned(GATHERED_POINTS, rng).points
     fits: list[PoseFit] = []
     for start in _starts(points, homographies):
         try:
-            fits.append(refine(gather(start, points), points, blocks, iterations=3))
+            near = gather(start, few)
+            if not any(same_pose(near, fit.pose) for fit in fits):
+                fits.append(refine(near, points, blocks, iterations=3))
         except DegenerateError:
             continue
     if not fits:

@@ -176,7 +176,7 @@ def biweight(relative: FloatArray) -> FloatArray:
     [1.0, 0.5625, 0.0, 0.0]
     """
     inside = 1 - (relative / CUTOFF) ** 2
-    return np.where(inside > 0, inside, 0.0) ** 2
+    return np.fmax(inside, 0.0) ** 2
 
 
 def biweight_loss(relative: FloatArray) -> FloatArray:
@@ -186,7 +186,7 @@ def biweight_loss(relative: FloatArray) -> FloatArray:
     [0.009997, 12.0, 12.0]
     """
     inside = 1 - (relative / CUTOFF) ** 2
-    return CUTOFF**2 / 3 * (1 - np.where(inside > 0, inside, 0.0) ** 3)
+    return CUTOFF**2 / 3 * (1 - np.fmax(inside, 0.0) ** 3)
 
 
 def robust_level(values: FloatArray) -> float:
@@ -236,10 +236,10 @@ def _levels(found: Residuals, freedom: int) -> tuple[float, float]:
 
 
 def _level(values: FloatArray, correction: float) -> float:
-    level = robust_level(values)
+    level, squared = robust_level(values), values**2
     for _ in range(3):
         weights = biweight(values / level)
-        squares = float(weights @ values**2) * correction
+        squares = float((weights * squared).sum()) * correction
         level = max(float(np.sqrt(squares / (CONSISTENCY * max(float(weights.sum()), 1e-300)))), SMALLEST_LEVEL)
     return level
 
