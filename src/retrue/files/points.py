@@ -114,7 +114,9 @@ def _name_bad_line(path: str | Path, body: str, names: list[str], columns: list[
             continue
         for name, column in zip(names, columns, strict=True):
             if column >= len(cells):
-                raise FileError(path, f"line {line}: expected {name} in column {column + 1}, found {len(cells)} columns")
+                raise FileError(
+                    path, f"line {line}: expected {name} in column {column + 1}, found {len(cells)} columns"
+                )
             try:
                 finite = bool(np.isfinite(float(cells[column])))
             except ValueError:

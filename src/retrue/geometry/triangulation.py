@@ -179,9 +179,7 @@ def _corrected_rays(
     return (x1 - k * u1, x2 - k * u2), (y1 - k * v1, y2 - k * v2)
 
 
-def _intersection(
-    R: FloatArray, t: FloatArray, x: _Columns, y: _Columns
-) -> tuple[FloatArray, FloatArray, FloatArray]:
+def _intersection(R: FloatArray, t: FloatArray, x: _Columns, y: _Columns) -> tuple[FloatArray, FloatArray, FloatArray]:
     """X = Z (x, 1) from Z (y x R x) = -(y x t), for rays that meet."""
     (x1, x2), (y1, y2) = x, y
     p1, p2, p3 = (row[0] * x1 + row[1] * x2 + row[2] for row in R)
@@ -194,9 +192,7 @@ def _intersection(
     return x1 * Z, x2 * Z, Z
 
 
-def _least_squares(
-    R: FloatArray, t: FloatArray, x: _Columns, y: _Columns
-) -> tuple[FloatArray, FloatArray, FloatArray]:
+def _least_squares(R: FloatArray, t: FloatArray, x: _Columns, y: _Columns) -> tuple[FloatArray, FloatArray, FloatArray]:
     """A^T A X = A^T b of the four equations, by cofactors."""
     (x1, x2), (y1, y2) = x, y
     p1, p2, p3 = (R[0, i] - y1 * R[2, i] for i in range(3))

@@ -273,7 +273,9 @@ def _along(
     along_variance = n1 * n1 * c00 - 2 * n0 * n1 * c01 + n0 * n0 * c11
     covariance = n0 * n1 * (c11 - c00) + (n0 * n0 - n1 * n1) * c01
     slope = covariance / across_variance
-    scale = 1 / np.sqrt(along_variance - slope * covariance)
+    left = along_variance - slope * covariance
+    known = left > 1e-12 * along_variance  # else the plane is seen edge-on: no information along the line
+    scale = np.where(known, 1 / np.sqrt(np.where(known, left, 1.0)), 0.0)
     g0, g1 = (-n1 - slope * n0) * scale, (n0 - slope * n1) * scale  # residual = g . d
     along = g0 * d0 + g1 * d1
     if not jacobian:

@@ -55,7 +55,8 @@ def with_planes(
         if len(mine) < options.min_points:
             continue
         x, y = points.camera_rays[mine], points.projector_rays[mine]
-        noise = max(2 * local_noise(x, y, rng), PLANARITY_PX / projector_focal_px)
+        noise = np.clip(2 * local_noise(x, y, rng) * projector_focal_px, PLANARITY_PX, options.max_noise_px)
+        noise = float(noise) / projector_focal_px
         found, index = split_planes(x, y, noise, min_points=options.min_points, max_planes=options.max_planes, rng=rng)
         plane_index[mine] = np.where(index == FREE, FREE, index + len(homographies))
         homographies += found

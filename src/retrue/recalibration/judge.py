@@ -51,6 +51,18 @@ def choose_twin(comparison: Comparison, old_t: FloatArray, options: RecalibrateO
     )
 
 
+def inconsistency(fit: PoseFit, options: RecalibrateOptions) -> str | None:
+    """Why the correspondences do not belong to one pose at all; None where they do."""
+    share = float(np.mean(fit.explained))
+    if not (share >= 1 - options.max_outliers and fit.epipolar_noise.level <= options.max_noise_px):
+        return (
+            f"{share:.0%} of the correspondences agree with one pose, to {fit.epipolar_noise.level:.2g} px; expected"
+            f" {1 - options.max_outliers:.0%} or more, to {options.max_noise_px:g} px: was something moving, have the"
+            " intrinsics changed, or is it another rig's picture?"
+        )
+    return None
+
+
 def objection(fit: PoseFit, evidence: Evidence, comparison: Comparison, options: RecalibrateOptions) -> str | None:
     """Why a resolved pose is still not to be trusted, and what to do; None where nothing speaks against it."""
     if evidence.sigma is None or not (
@@ -66,12 +78,9 @@ def objection(fit: PoseFit, evidence: Evidence, comparison: Comparison, options:
             )
         )
         return f"the pose is too uncertain ({found}); fill more of the picture, or add captures"
-    share = float(np.mean(fit.explained))
-    if not share >= 1 - options.max_outliers:
-        return (
-            f"only {share:.0%} of the correspondences agree with one pose; were the rig or the scene moving,"
-            " or is it another rig's picture?"
-        )
+    problem = inconsistency(fit, options)
+    if problem is not None:
+        return problem
     if not twin_is_resolved(comparison, options):
         normals = fit.pose.planes / np.linalg.norm(fit.pose.planes, axis=1, keepdims=True)
         fold = min(

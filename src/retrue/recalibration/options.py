@@ -48,6 +48,8 @@ class RecalibrateOptions:
         A rotation less certain than this is refused.
     max_sigma_translation_deg
         A direction of t less certain than this is refused.
+    max_noise_px
+        Correspondences noisier than this, about the pose that fits them best, are none.
     max_outliers
         Share of correspondences that may contradict the pose.
     seed
@@ -64,5 +66,6 @@ class RecalibrateOptions:
     max_points: int = 20_000
     max_sigma_rotation_deg: float = 1.0
     max_sigma_translation_deg: float = 3.0
+    max_noise_px: float = 2.0
     max_outliers: float = 0.5
     seed: int = 0

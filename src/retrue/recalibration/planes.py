@@ -17,6 +17,11 @@ from retrue.geometry.two_view import FREE
 HYPOTHESES = 200  # at 30 % of the points on the plane, a local sample hits it in more than 1 of 20
 SCORED_POINTS = 600
 CUTOFF = 4.0  # of the noise, where a point stops to count
+LARGEST_SCATTER = 0.45  # of the cutoff, RMS; points that fill the band by chance have 0.58
+NEIGHBOURS = 12
+TRIPLETS = 20
+AGREEING = 2  # the third nearest of the other nine: half of the neighbours may be wrong
+TRIPLET_CONSISTENCY = 1.16  # of that choice, for independent normal noise (by simulation)
 
 
 def split_planes(
@@ -54,20 +59,29 @@ def split_planes(
 def local_noise(camera_rays: FloatArray, projector_rays: FloatArray, rng: np.random.Generator) -> float:
     """Noise per axis of the projector rays, from how far neighbours are from an affine map of each other.
 
-    The median over the picture, so that outliers and edges do not matter. Neighbours whose noise is
-    correlated (a smoothed dense code) make it too small; it is a start, not a result.
+    In each of many neighbourhoods, the affine map of three points that the others agree with best: outliers, up
+    to half of the points, and depth edges do not matter. Neighbours whose noise is correlated (a smoothed dense
+    code) make it too small; it is a start, not a result.
     """
     from scipy.spatial import KDTree
 
-    neighbours = min(12, len(camera_rays))
-    seeds = rng.choice(len(camera_rays), min(200, len(camera_rays)), replace=False)
-    index = cast(IntArray, KDTree(camera_rays).query(camera_rays[seeds], neighbours)[1])
-    design = camera_rays[index] - camera_rays[index].mean(axis=1, keepdims=True)
-    scale = np.maximum(np.abs(design).max(axis=(1, 2), keepdims=True), 1e-300)
-    design = np.concatenate([design / scale, np.ones((*index.shape, 1))], axis=2)
+    if len(camera_rays) < NEIGHBOURS:
+        return 0.0
+    seeds = rng.choice(len(camera_rays), min(150, len(camera_rays)), replace=False)
+    index = cast(IntArray, KDTree(camera_rays).query(camera_rays[seeds], NEIGHBOURS)[1])
+    offset = camera_rays[index] - camera_rays[seeds, None]
+    design = np.concatenate([offset, np.ones((*index.shape, 1))], axis=2)  # (S, neighbours, 3)
     target = projector_rays[index]
-    left_over = target - design @ (np.linalg.pinv(design) @ target)
-    return float(np.sqrt(np.median((left_over**2).sum(axis=(1, 2))) / (2 * (neighbours - 3))))
+    best = np.full(len(seeds), np.inf)
+    for _ in range(TRIPLETS):
+        three = rng.permutation(NEIGHBOURS)[:3]
+        corner = design[:, three]
+        flat = np.abs(np.linalg.det(corner)) <= 1e-3 * np.abs(corner[..., :2]).max(axis=(1, 2)) ** 2
+        corner = np.where(flat[:, None, None], np.eye(3), corner)
+        error = ((target - design @ np.linalg.solve(corner, target[:, three])) ** 2).sum(axis=2)
+        agreeing = np.partition(np.delete(error, three, axis=1), AGREEING, axis=1)[:, AGREEING]
+        best = np.minimum(best, np.where(flat, np.inf, agreeing))
+    return float(np.sqrt(np.median(best))) * TRIPLET_CONSISTENCY
 
 
 def _largest_plane(
@@ -90,8 +104,12 @@ def _largest_plane(
     H = _locally_refined(best[1], x, y, noise, fewest)
     if H is None:
         return None
-    inliers = homography_residuals(H, x, y, 0.0, noise) < CUTOFF
-    return (H, inliers) if np.count_nonzero(inliers) >= fewest else None
+    distance = homography_residuals(H, x, y, 0.0, noise)
+    inliers = distance < CUTOFF
+    if not np.count_nonzero(inliers) >= fewest:
+        return None
+    scatter = float(np.sqrt(np.mean(distance[inliers] ** 2)))
+    return (H, inliers) if scatter <= LARGEST_SCATTER * CUTOFF else None
 
 
 def _samples(x: FloatArray, rng: np.random.Generator) -> IntArray:

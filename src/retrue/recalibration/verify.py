@@ -29,7 +29,7 @@ from retrue.geometry.two_view import (
 from retrue.recalibration.estimate import Estimate, estimate_pose
 from retrue.recalibration.evidence import change, rms, sigma
 from retrue.recalibration.fit import PoseFit, picture_blocks, refine, solve_normal_equations
-from retrue.recalibration.judge import twin_is_resolved
+from retrue.recalibration.judge import inconsistency, twin_is_resolved
 from retrue.recalibration.options import RecalibrateOptions
 from retrue.recalibration.prepare import Rays
 from retrue.recalibration.result import Verification
@@ -109,9 +109,9 @@ def verify(rig: Rig, captures: Sequence[Correspondences], options: VerifyOptions
         return Verification(word, reason, epipolar_rms, total, found, distance, uncertainty)
 
     moved = f"{found.rotation_deg:.3f} deg in rotation, {found.translation_deg:.3f} deg in the direction of t"
-    share = float(np.mean(fit.explained))
-    if not share >= 1 - options.estimate.max_outliers:
-        return verdict("unknown", f"only {share:.0%} of the correspondences agree with one pose")
+    problem = inconsistency(fit, options.estimate)
+    if problem is not None:
+        return verdict("unknown", problem)
     if distance > limit:
         return verdict("drifted", f"the capture supports another pose: {moved}, {distance:.1f} sigma; recalibrate")
     precise = (

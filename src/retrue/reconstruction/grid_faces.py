@@ -31,7 +31,9 @@ def _continuous(points: FloatArray, index: IntArray) -> tuple[BoolArray, BoolArr
     w = np.where(index >= 0, 1 / points[index, 2], np.nan)
     step_right, step_down = _slope_residual(w), _slope_residual(w.T).T
     residuals = np.concatenate([step_right.ravel(), step_down.ravel()])
-    angles = np.concatenate([_spacing_angle(points, index[:, :-1], index[:, 1:]), _spacing_angle(points, index[:-1], index[1:])])
+    angles = np.concatenate(
+        [_spacing_angle(points, index[:, :-1], index[:, 1:]), _spacing_angle(points, index[:-1], index[1:])]
+    )
     angle = float(np.median(angles)) if len(angles) else 0.0
     limit = jump_limit(residuals, w, angle)
     return step_right <= np.fmin(limit[:, :-1], limit[:, 1:]), step_down <= np.fmin(limit[:-1], limit[1:])
