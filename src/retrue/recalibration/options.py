@@ -52,6 +52,10 @@ class RecalibrateOptions:
         Correspondences noisier than this, about the pose that fits them best, are none.
     max_outliers
         Share of correspondences that may contradict the pose.
+    focal_sigma
+        How well the focal lengths are known, relative; for the second sigma in the evidence.
+    principal_point_sigma_px
+        How well the principal points are known, likewise.
     seed
         Of the random samples; the same points and seed give the same answer.
     """
@@ -68,4 +72,6 @@ class RecalibrateOptions:
     max_sigma_translation_deg: float = 3.0
     max_noise_px: float = 2.0
     max_outliers: float = 0.5
+    focal_sigma: float = 5e-4
+    principal_point_sigma_px: float = 0.5
     seed: int = 0

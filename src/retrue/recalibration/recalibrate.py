@@ -13,6 +13,7 @@ from retrue.geometry.transform import RigidTransform
 from retrue.recalibration.estimate import Estimate, estimate_pose
 from retrue.recalibration.evidence import candidate, change, rms, sigma
 from retrue.recalibration.fit import PoseFit, picture_blocks, refine
+from retrue.recalibration.intrinsics import intrinsics_covariance
 from retrue.recalibration.judge import choose_twin, objection
 from retrue.recalibration.options import RecalibrateOptions
 from retrue.recalibration.result import Accepted, Evidence, PoseCandidate, Refused
@@ -75,10 +76,14 @@ def _evidence(
 ) -> Evidence:
     rays = estimate.rays
     others = [other for k, other in enumerate(estimate.comparison.fits) if k != chosen]
-    candidates = [candidate(fit, rays.points, fit.explained, _length(rig, estimate, fit, options), chosen=True)]
-    candidates += _candidates(rig, estimate, others, options, fit)
+    length = _length(rig, estimate, fit, options)
+    candidates = [
+        candidate(fit, rays.points, fit.explained, length, chosen=True),
+        *_candidates(estimate, others, length),
+    ]
     order = [0, 1] if chosen == 0 else [1, 0]
     covariance = fit.covariance
+    with_intrinsics = sigma(covariance + intrinsics_covariance(rig, rays.points, fit, options))
     return Evidence(
         correspondences=total,
         candidates=tuple(candidates[k] for k in order[: len(candidates)]),
@@ -89,6 +94,10 @@ def _evidence(
         scale=_scale_policy(options),
         details={
             "covariance": covariance.tolist(),
+            "sigma_with_intrinsics": {
+                "rotation_deg": with_intrinsics.rotation_deg,
+                "translation_deg": with_intrinsics.translation_deg,
+            },
             "points_used": len(rays),
             "points_explained": int(np.count_nonzero(fit.explained)),
             "planes": len(fit.pose.planes),
@@ -105,7 +114,7 @@ def _unresolved(rig: Rig, estimate: Estimate, total: int, options: RecalibrateOp
     fits = list(estimate.comparison.fits)
     return Evidence(
         correspondences=total,
-        candidates=tuple(_candidates(rig, estimate, fits, options, fits[0])),
+        candidates=tuple(_candidates(estimate, fits, float(np.linalg.norm(rig.projector_from_camera.t)))),
         rms_px=rms(fits[0].found.epipolar[fits[0].explained]),
         resolved_by="nothing",
         scale=_scale_policy(options),
@@ -113,13 +122,11 @@ def _unresolved(rig: Rig, estimate: Estimate, total: int, options: RecalibrateOp
     )
 
 
-def _candidates(
-    rig: Rig, estimate: Estimate, fits: list[PoseFit], options: RecalibrateOptions, best: PoseFit
-) -> list[PoseCandidate]:
+def _candidates(estimate: Estimate, fits: list[PoseFit], length: float) -> list[PoseCandidate]:
     """The candidates that were not chosen, on the points that they were compared on."""
     points = estimate.comparison.rays.points
     scored = estimate.comparison.fits[0].explained
-    return [candidate(fit, points, scored, _length(rig, estimate, fit, options), chosen=False) for fit in fits]
+    return [candidate(fit, points, scored, length, chosen=False) for fit in fits]
 
 
 def _length(rig: Rig, estimate: Estimate, fit: PoseFit, options: RecalibrateOptions) -> float:

@@ -8,7 +8,7 @@ with the rig's, in the sigma of the difference.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from typing import Literal
 
 import numpy as np
@@ -19,20 +19,17 @@ from retrue.geometry.arrays import FloatArray, finite_array
 from retrue.geometry.transform import RigidTransform, vector_from_rotation
 from retrue.geometry.two_view import (
     POSE_PARAMETERS,
-    TwoViewPoints,
     TwoViewPose,
     epipolar_residuals,
-    normal_equations,
-    residuals,
     tangent_basis,
 )
 from retrue.recalibration.estimate import Estimate, estimate_pose
 from retrue.recalibration.evidence import change, rms, sigma
-from retrue.recalibration.fit import PoseFit, picture_blocks, refine, solve_normal_equations
+from retrue.recalibration.fit import PoseFit, picture_blocks, refine
+from retrue.recalibration.intrinsics import intrinsics_covariance
 from retrue.recalibration.judge import inconsistency, twin_is_resolved
 from retrue.recalibration.options import RecalibrateOptions
-from retrue.recalibration.prepare import Rays
-from retrue.recalibration.result import Verification
+from retrue.recalibration.result import PoseSigma, Verification
 from retrue.rig import Rig
 
 
@@ -44,10 +41,6 @@ class VerifyOptions:
     ----------
     false_alarms
         Share of good rigs that may be called drifted.
-    focal_sigma
-        How well the focal lengths are known, relative: what an intrinsic error does to the pose is no drift.
-    principal_point_sigma_px
-        How well the principal points are known.
     rig_sigma_rotation_deg
         How well a rig knows its own rotation, per axis, where its evidence states no covariance.
     rig_sigma_translation_deg
@@ -61,8 +54,6 @@ class VerifyOptions:
     """
 
     false_alarms: float = 1e-3
-    focal_sigma: float = 5e-4
-    principal_point_sigma_px: float = 0.5
     rig_sigma_rotation_deg: float = 0.02
     rig_sigma_translation_deg: float = 0.05
     max_sigma_rotation_deg: float = 0.25
@@ -98,7 +89,9 @@ def verify(rig: Rig, captures: Sequence[Correspondences], options: VerifyOptions
     epipolar_rms = rms(epipolar_residuals(old.R, unit_t, points)[fit.explained])
     difference = pose_difference(fit.pose, old)
     covariance = (
-        fit.covariance + _intrinsics_covariance(rig, estimate.rays, fit, options) + _rig_covariance(rig, options)
+        fit.covariance
+        + intrinsics_covariance(rig, estimate.rays.points, fit, options.estimate)
+        + _rig_covariance(rig, options)
     )
     distance = float(np.sqrt(difference @ np.linalg.solve(covariance, difference)))
     found = change(old, RigidTransform(fit.pose.R, fit.pose.t * np.linalg.norm(old.t)))
@@ -112,19 +105,28 @@ def verify(rig: Rig, captures: Sequence[Correspondences], options: VerifyOptions
     problem = inconsistency(fit, options.estimate)
     if problem is not None:
         return verdict("unknown", problem)
+    own = sigma(fit.covariance)
+    if not (
+        own.rotation_deg <= options.estimate.max_sigma_rotation_deg
+        and own.translation_deg <= options.estimate.max_sigma_translation_deg
+    ):  # beyond the reach of a linearised covariance, so that no drift can be read from it either
+        return verdict("unknown", _imprecise(own))
     if distance > limit:
         return verdict("drifted", f"the capture supports another pose: {moved}, {distance:.1f} sigma; recalibrate")
-    precise = (
-        uncertainty.rotation_deg <= options.max_sigma_rotation_deg
+    if not (
+        distance <= limit
+        and uncertainty.rotation_deg <= options.max_sigma_rotation_deg
         and uncertainty.translation_deg <= options.max_sigma_translation_deg
-    )
-    if not (distance <= limit and precise):
-        return verdict(
-            "unknown",
-            f"the capture knows the pose only to {uncertainty.rotation_deg:.2g} deg and"
-            f" {uncertainty.translation_deg:.2g} deg; fill more of the picture, or add captures",
-        )
+    ):
+        return verdict("unknown", _imprecise(uncertainty))
     return verdict("good", f"the capture supports the rig's pose: {moved}, {distance:.1f} sigma")
+
+
+def _imprecise(found: PoseSigma) -> str:
+    return (
+        f"the capture knows the pose only to {found.rotation_deg:.2g} deg and {found.translation_deg:.2g} deg;"
+        " fill more of the picture, or add captures"
+    )
 
 
 def pose_difference(pose: TwoViewPose, old: RigidTransform) -> FloatArray:
@@ -150,35 +152,6 @@ def _supported_fit(rig: Rig, estimate: Estimate, options: RecalibrateOptions) ->
 def _distance(fit: PoseFit, old: RigidTransform) -> float:
     difference = pose_difference(fit.pose, old)
     return float(difference @ np.linalg.solve(fit.covariance, difference))
-
-
-def _intrinsics_covariance(rig: Rig, rays: Rays, fit: PoseFit, options: VerifyOptions) -> FloatArray:
-    """(5, 5) what the uncertainty of both devices' intrinsics does to the fitted pose, to first order."""
-    covariance = np.zeros((POSE_PARAMETERS, POSE_PARAMETERS))
-    for name, device in (("camera_rays", rig.camera), ("projector_rays", rig.projector)):
-        seen = getattr(rays.points, name)
-        shift = options.principal_point_sigma_px / device.K[0, 0]
-        shifts = np.array([[shift, 0.0], [0.0, shift]])
-        for moved in (seen * (1 + options.focal_sigma), seen + shifts[0], seen + shifts[1]):
-            step = _step_for(fit, rays.points, replace(rays.points, **{name: moved}))
-            covariance += np.outer(step, step)
-    return covariance
-
-
-def _step_for(fit: PoseFit, points: TwoViewPoints, moved: TwoViewPoints) -> FloatArray:
-    """(5,) how far the fitted pose follows points that move."""
-    found = residuals(fit.pose, moved, jacobian=False)
-    change_of_residuals = replace(
-        fit.found, epipolar=found.epipolar - fit.found.epipolar, along=found.along - fit.found.along
-    )
-    _, gradient = normal_equations(
-        fit.pose,
-        points,
-        change_of_residuals,
-        fit.epipolar_weights / fit.epipolar_noise.variance,
-        fit.along_weights / fit.along_noise.variance,
-    )
-    return solve_normal_equations(fit.information, -gradient)[:POSE_PARAMETERS]
 
 
 def _rig_covariance(rig: Rig, options: VerifyOptions) -> FloatArray:

@@ -1,0 +1,159 @@
+"""The main job on captures with known truth: near the truth, honest about it, and silent where it cannot tell."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from retrue.correspondences import Correspondences
+from retrue.errors import InputError
+from retrue.geometry.transform import direction_angle, rotation_angle, vector_from_rotation
+from retrue.geometry.two_view import tangent_basis
+from retrue.recalibration.options import KnownDistance, RecalibrateOptions
+from retrue.recalibration.recalibrate import recalibrate
+from retrue.recalibration.result import Accepted, Refused
+from retrue.rig import Rig
+from tests.recalibration.scenes import CAMERA, POSE, PROJECTOR, RIG, SIDE_WALL, SPHERE, WALL, Scene, bumped, capture
+
+FAR = bumped(RIG, [10, -12, 8], [5, 15, -10], 1.7)
+NEAR = bumped(RIG, [3, -4, 2], [4, -6, 5])
+SCENES = {
+    "wall and sphere": Scene(spheres=[SPHERE]),
+    "corner": Scene(planes=[WALL, SIDE_WALL]),
+}
+
+
+def errors_deg(rig: Rig) -> tuple[float, float]:
+    found = rig.projector_from_camera
+    return (
+        float(np.degrees(rotation_angle(found.R @ POSE.R.T))),
+        float(np.degrees(direction_angle(found.t, POSE.t))),
+    )
+
+
+def accepted(result: Accepted | Refused) -> Accepted:
+    assert isinstance(result, Accepted), result.reason
+    return result
+
+
+@pytest.mark.parametrize("outliers", [0.0, 0.2, 0.4])
+@pytest.mark.parametrize("scene", SCENES)
+def test_one_capture_of_a_scene_with_relief_resolves_the_twin_from_any_prior(scene: str, outliers: float) -> None:
+    for seed, old in enumerate([FAR, bumped(RIG, [0, 40, 0], [0, 120, 0])]):
+        result = accepted(recalibrate(old, [capture(SCENES[scene], outliers=outliers, seed=seed)]))
+        rotation, translation = errors_deg(result.rig)
+        assert rotation < 0.03
+        assert translation < 0.10
+        assert "points off the plane" in result.reason
+        assert np.linalg.norm(result.rig.projector_from_camera.t) == pytest.approx(
+            np.linalg.norm(old.projector_from_camera.t)
+        )
+
+
+def test_a_bare_wall_is_resolved_by_the_old_direction_of_t() -> None:
+    for seed in range(3):
+        result = accepted(recalibrate(NEAR, [capture(Scene(), seed=seed)]))
+        rotation, translation = errors_deg(result.rig)
+        assert rotation < 0.08
+        assert translation < 0.25
+        assert "old direction of t" in result.reason
+        assert [candidate.chosen for candidate in result.evidence.candidates].count(True) == 1
+
+
+def test_a_bare_wall_with_a_prior_between_the_twins_is_refused_and_shows_both() -> None:
+    points = capture(Scene())
+    first, second = (c.projector_from_camera for c in recalibrate(RIG, [points]).evidence.candidates)
+    between = Rig(CAMERA, PROJECTOR, type(POSE)(POSE.R, first.t + second.t), "m")
+    result = recalibrate(between, [points])
+    assert isinstance(result, Refused)
+    assert len(result.evidence.candidates) == 2
+    assert not any(candidate.chosen for candidate in result.evidence.candidates)
+    assert min(rotation_angle(c.projector_from_camera.R @ POSE.R.T) for c in result.evidence.candidates) < 1e-3
+
+
+def test_walls_at_two_places_resolve_the_twin_jointly() -> None:
+    other = Scene(planes=[(np.array([-0.3, 0.3, 1.0]), 1.8)])
+    result = accepted(recalibrate(bumped(RIG, [0, 30, 0], [90, 0, 0]), [capture(Scene()), capture(other, seed=1)]))
+    assert errors_deg(result.rig) < (0.02, 0.05)
+    assert "points off the plane" in result.reason
+
+
+def test_a_rectified_pair_and_a_projector_behind_the_camera_work() -> None:
+    for t in ([0.3, 0.0, 0.0], [0.25, 0.05, -0.2]):
+        rig = Rig(CAMERA, PROJECTOR, type(POSE)(np.eye(3), t), "m")
+        points = capture(Scene(spheres=[SPHERE]), rig=rig)
+        found = accepted(recalibrate(rig, [points])).rig.projector_from_camera
+        assert np.degrees(rotation_angle(found.R)) < 0.03
+        assert np.degrees(direction_angle(found.t, t)) < 0.10
+
+
+def test_sigma_is_honest() -> None:
+    """The normalised error squared has mean 5: neither boasting nor modest."""
+    normalised = []
+    for seed in range(60):
+        result = accepted(recalibrate(RIG, [capture(Scene(spheres=[SPHERE]), grid=(26, 20), seed=seed)]))
+        pose = result.rig.projector_from_camera
+        direction = pose.t / np.linalg.norm(pose.t)
+        error = np.r_[
+            vector_from_rotation(pose.R @ POSE.R.T), tangent_basis(direction).T @ -(POSE.t / np.linalg.norm(POSE.t))
+        ]
+        covariance = np.array(result.evidence.details["covariance"])
+        normalised.append(error @ np.linalg.solve(covariance, error))
+    assert np.mean(normalised) == pytest.approx(5, abs=4 * np.sqrt(2 * 5 / 60))
+
+
+def test_a_known_distance_gives_the_scale() -> None:
+    points = capture(Scene())
+    first, second = np.array([400.0, 300.0]), np.array([900.0, 600.0])
+    normal, distance = WALL[0] / np.linalg.norm(WALL[0]), WALL[1]
+    scene_points = []
+    for pixel in (first, second):
+        ray = np.array([*CAMERA.unproject(pixel), 1.0])
+        scene_points.append(ray * distance / (normal @ ray))
+    known = KnownDistance(first, second, float(np.linalg.norm(scene_points[0] - scene_points[1])))
+    result = accepted(recalibrate(FAR, [points], RecalibrateOptions(known_distance=known)))
+    length = np.linalg.norm(result.rig.projector_from_camera.t)
+    assert length == pytest.approx(np.linalg.norm(POSE.t), rel=2e-3)
+    outside = KnownDistance(np.array([-500.0, 0.0]), second, 1.0)
+    with pytest.raises(InputError, match="found none"):
+        recalibrate(FAR, [points], RecalibrateOptions(known_distance=outside))
+
+
+def random_points(rng: np.random.Generator) -> Correspondences:
+    points = np.c_[rng.uniform(-0.4, 0.4, (2000, 2)), rng.uniform(1.2, 2, 2000)]
+    return Correspondences(CAMERA.project(points), PROJECTOR.project(POSE.apply(points)))
+
+
+def junk(rng: np.random.Generator) -> Correspondences:
+    return Correspondences(rng.uniform(0, 900, (2000, 2)), rng.uniform(0, 700, (2000, 2)))
+
+
+def test_what_holds_no_plane_or_no_pose_is_refused_with_a_reason() -> None:
+    rng = np.random.default_rng(0)
+    line = np.stack([np.linspace(100, 900, 50), np.linspace(100, 700, 50)], axis=1)
+    cases = {
+        "no plane": random_points(rng),
+        "no plane|agree with one pose": junk(rng),
+        "at least 12 correspondences, found 3": capture(Scene()).select(np.array([0, 100, 500])),
+        "on one line": Correspondences(line, line),
+        "at one place": Correspondences(np.full((50, 2), 300.0), np.full((50, 2), 200.0)),
+        "found 0": Correspondences(np.empty((0, 2)), np.empty((0, 2))),
+    }
+    for reason, points in cases.items():
+        result = recalibrate(RIG, [points])
+        assert isinstance(result, Refused)
+        assert any(part in result.reason for part in reason.split("|")), result.reason
+    with pytest.raises(InputError):
+        recalibrate(RIG, [])
+
+
+def test_t_along_the_normal_of_the_only_plane_is_refused() -> None:
+    facing = Scene(planes=[(POSE.R.T @ POSE.t, 0.3)])
+    assert isinstance(recalibrate(RIG, [capture(facing)]), Refused)
+
+
+def test_the_same_points_give_the_same_answer() -> None:
+    points = capture(SCENES["corner"], outliers=0.2)
+    first, second = (accepted(recalibrate(FAR, [points])).rig.projector_from_camera for _ in range(2))
+    assert np.array_equal(first.R, second.R)
+    assert np.array_equal(first.t, second.t)
