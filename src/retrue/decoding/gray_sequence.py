@@ -7,10 +7,8 @@ from dataclasses import dataclass
 from typing import cast
 
 import cv2
-import numpy as np
-from numpy.typing import NDArray
 
-from retrue.errors import CaptureError, InputError
+from retrue.errors import CaptureError
 from retrue.geometry.arrays import Image
 from retrue.patterns.gray_code import GrayCode
 
