@@ -2,20 +2,21 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
-from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from retrue.correspondences import Correspondences
-from retrue.decoding.gray_reading import Band, plan_reading, read_band
+from retrue.decoding.gray_card import decode_card
+from retrue.decoding.gray_faults import require_inside
+from retrue.decoding.gray_plan import MAX_CELL, plan_reading
+from retrue.decoding.gray_reading import Band, read_band
 from retrue.decoding.gray_sequence import GraySequence, arrange
 from retrue.geometry.arrays import Image
 from retrue.patterns.gray_code import GrayCode
 
-BAND_ROWS = 128
+BAND_ROWS = 4 * MAX_CELL
 """Small enough for the processor's cache, large enough that the rows around a band cost little."""
 SYSTEMATIC_SIGMA = 0.02
 """Stripes: what the lens, JPEG and the surface leave, however many edges there are."""
@@ -44,11 +45,18 @@ def decode_gray_code(pattern: GrayCode, images: Sequence[Image], names: Sequence
     Trobina, "Error model of a coded-light range sensor", 1995 (edges where pattern and inverse cross).
     """
     sequence = arrange(pattern, images, names or [f"picture {index + 1}" for index in range(len(images))])
-    reading = plan_reading(sequence)
+    plan = plan_reading(sequence)
     height = sequence.white.shape[0]
     bands = [range(start, min(start + BAND_ROWS, height)) for start in range(0, height, BAND_ROWS)]
     with ThreadPoolExecutor(2) as threads:
-        read = list(threads.map(lambda rows: read_band(sequence, pattern, reading, rows), bands))
+        read = list(threads.map(lambda rows: read_band(sequence, pattern, plan, rows), bands))
+        agreed = sum(band.counts["agreed"] for band in read)
+        require_inside(
+            agreed,
+            [sum(band.outside[axis] for band in read) for axis in range(2)],
+            [max(band.largest[axis] for band in read) for axis in range(2)],
+            pattern,
+        )
         return _assemble(pattern, sequence, read, threads)
 
 
@@ -77,18 +85,5 @@ def _assemble(
     list(threads.map(fill, bands, ends.tolist()))
     for array in (camera_px, projector_px, sigma_px):
         array.setflags(write=False)
-    return Correspondences(
-        camera_px,
-        projector_px,
-        projector_sigma_px=sigma_px,
-        colors=colors,
-        cells=cells,
-        card=_card(sequence, total, [band.counts for band in bands]),
-    )
-
-
-def _card(sequence: GraySequence, points: int, counts: Sequence[Mapping[str, int]]) -> dict[str, Any]:
-    total = {key: sum(count[key] for count in counts) for key in counts[0]}
-    lit = total.pop("lit")
-    pixels = sequence.white.size
-    return {"pixels": pixels, "lit": lit, "points": points, "coverage": points / pixels, "rejected": total}
+    card = decode_card(sequence, total, [band.counts for band in bands])
+    return Correspondences(camera_px, projector_px, projector_sigma_px=sigma_px, colors=colors, cells=cells, card=card)
