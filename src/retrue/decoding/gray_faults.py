@@ -8,13 +8,14 @@ from __future__ import annotations
 
 import re
 from collections.abc import Sequence
+from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
 
 from retrue.decoding.gray_bits import CodeImage
 from retrue.errors import CaptureError
-from retrue.geometry.arrays import BoolArray, FloatArray, Image
+from retrue.geometry.arrays import FloatArray, Image
 from retrue.patterns.gray_code import GrayCode
 
 CAPTURE = "capture"
@@ -28,7 +29,7 @@ ALIKE = 0.1
 CONFLICT = 0.7
 """|pattern + inverse - 1| of a pixel where both are bright or both are dark; blurred stripes stay below it."""
 MOST_CONFLICTS = 0.15
-LEAST_TRANSITIONS = 100
+LEAST_TRANSITIONS = 16
 MOST_OUTSIDE = 0.02
 
 
@@ -53,6 +54,12 @@ def require_complements(grey: Sequence[Image], names: Sequence[str], pairs: Sequ
         return
     more = f"; {len(bad)} of {len(pairs)} pairs do not fit" if len(bad) > 1 else ""
     raise CaptureError(CAPTURE, f"{_blame(scaled, names, bad[0])}{more}: take the capture again")
+
+
+def ends_with_white_and_black(grey: Sequence[Image]) -> bool:
+    """Whether the last two pictures are all bright and all dark."""
+    scaled = _scaled(grey)
+    return bool(np.mean(scaled[-2] > 0.8) > 0.95 and np.mean(scaled[-1] < 0.2) > 0.95)
 
 
 def explain_count(pattern: GrayCode, grey: Sequence[Image], names: Sequence[str]) -> str:
@@ -87,10 +94,24 @@ def explain_count(pattern: GrayCode, grey: Sequence[Image], names: Sequence[str]
     return f"{counts}: white or black is missing" if found == expected - 1 else counts
 
 
-def swapped_bits(code: CodeImage, neighbour: CodeImage, bits: int) -> BoolArray:
-    """Which bits, least significant first, have pattern and inverse swapped; (bits,), as far as it can be seen.
+def require_order(code: CodeImage, neighbour: CodeImage, names: Sequence[tuple[str, str]], axis: str) -> None:
+    """Raise where pictures of an axis are swapped; `names` of its pairs, most significant bit first.
 
     `code` and `neighbour`, both (N,), are the codes of neighbouring pixels.
+    """
+    wrong = _order_violations(code, neighbour, len(names))
+    if np.count_nonzero(wrong > 0.25) > 1:
+        problem = f"the {axis} pictures are not in order"
+    elif wrong.max(initial=0) > 0.8:
+        pattern, inverse = names[len(names) - 1 - int(np.argmax(wrong))]
+        problem = f"pattern and inverse are swapped: {pattern} and {inverse}"
+    else:
+        return
+    raise CaptureError(CAPTURE, f"{problem}; expected pattern before inverse, most significant bit first")
+
+
+def _order_violations(code: CodeImage, neighbour: CodeImage, bits: int) -> FloatArray:
+    """For each bit, least significant first, how often it is not what the change of a higher bit asks for; (bits,).
 
     Where bit j of a Gray code changes, the next lower bit is 1 and all below it are 0, everywhere. The most
     significant bit has none above it: swapped, it mirrors the code, which no picture can tell.
@@ -100,24 +121,12 @@ def swapped_bits(code: CodeImage, neighbour: CodeImage, bits: int) -> BoolArray:
     single = (changed != 0) & ((changed & (changed - 1)) == 0)
     changed, gray = changed[single], gray[single]
     wrong = (gray & (changed - 1)) ^ (changed >> 1)
-    swapped = np.zeros(bits, np.bool_)
+    shares = np.zeros(bits)
     for bit in range(bits - 1):
         above = changed > (1 << bit)
-        transitions = np.count_nonzero(above)
-        swapped[bit] = transitions >= LEAST_TRANSITIONS and np.mean((wrong[above] >> bit) & 1) > 0.5
-    return swapped
-
-
-def require_order(swapped: BoolArray, names: Sequence[tuple[str, str]], axis: str) -> None:
-    """Raise where bits of an axis are swapped: `swapped` as from `swapped_bits`, `names` of the pairs, msb first."""
-    if not swapped.any():
-        return
-    if np.count_nonzero(swapped) > 1:
-        problem = f"the {axis} pictures are not in order"
-    else:
-        first, second = names[len(names) - 1 - int(np.argmax(swapped))]
-        problem = f"pattern and inverse are swapped: {first} and {second}"
-    raise CaptureError(CAPTURE, f"{problem}; expected pattern before inverse, most significant bit first")
+        if np.count_nonzero(above) >= LEAST_TRANSITIONS:
+            shares[bit] = np.mean((wrong[above] >> bit) & 1)
+    return shares
 
 
 def require_inside(agreed: int, outside: Sequence[int], largest: Sequence[int], pattern: GrayCode) -> None:
@@ -127,7 +136,7 @@ def require_inside(agreed: int, outside: Sequence[int], largest: Sequence[int], 
             reached = (largest[axis] - pattern.offset[axis] + 1) * pattern.step
             raise CaptureError(
                 CAPTURE,
-                f"codes exceed the projector: {100 * outside[axis] / agreed:.0f} % of the decoded pixels see {name}s up "
+                f"codes exceed the projector: {100 * outside[axis] / agreed:.0f} % of the pixels see {name}s up "
                 f"to {reached - 1}, the pattern's projector_size has {side}; is it the size that was projected?",
             )
 
@@ -174,7 +183,7 @@ def _missing_number(names: Sequence[str]) -> str:
     if not all(runs):
         return ""
     numbers = [int(run[-1]) for run in runs]
-    for before, (number, following) in enumerate(zip(numbers, numbers[1:], strict=False)):
+    for before, (number, following) in enumerate(pairwise(numbers)):
         if following == number + 2 and numbers[-1] - numbers[0] == len(numbers):
             return f"number {number + 1} is missing, after {names[before]}"
     return ""

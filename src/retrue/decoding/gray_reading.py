@@ -9,22 +9,20 @@ import numpy as np
 from numpy.typing import NDArray
 
 from retrue.decoding.gray_bits import decode_axis
-from retrue.decoding.gray_plan import Plan
+from retrue.decoding.gray_plan import UNDECIDED, Plan, noise_of_difference
 from retrue.decoding.gray_sequence import GraySequence
 from retrue.decoding.gray_subpixel import FloatImage, find_edges, fit_planes
 from retrue.geometry.arrays import BoolArray, Image
 from retrue.patterns.gray_code import GrayCode
 
-UNDECIDED = 3.0
-"""Standard deviations: a bit whose pattern and inverse differ by less is undecided."""
-LARGEST_RESIDUAL = 0.3
+LARGEST_RESIDUAL = 0.25
 """Stripes, RMS: edges that scatter more about their plane belong to several surfaces, or to none."""
 LARGEST_SIGMA = 0.1
 """Stripes: above it, too few edges, or all of them to one side."""
 FARTHEST_CODE = 0.75
 """Stripes: a pixel's own code is within half a stripe of the plane, and a little for noise."""
 
-HALO_CELLS = 6
+HALO_CELLS = 8
 """How many cells away a picture can still change a point: the window, the edges beside it, and their own window."""
 
 
@@ -59,7 +57,7 @@ def read_band(sequence: GraySequence, pattern: GrayCode, plan: Plan, rows: range
     top, bottom = max(rows.start - halo, 0), min(rows.stop + halo, sequence.white.shape[0])
     around, inner = slice(top, bottom), slice(rows.start - top, rows.stop - top)
     white, black = sequence.white[around].astype(np.float32), sequence.black[around].astype(np.float32)
-    contrast, noise = white - black, plan.noise(white, black)
+    contrast, noise = white - black, noise_of_difference(plan.noise_gain, white + black)
     decided = noise * np.float32(UNDECIDED)
     lit = contrast > 2 * decided
     np.maximum(contrast, 1, out=contrast)

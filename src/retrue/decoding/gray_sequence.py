@@ -10,7 +10,13 @@ from typing import cast
 import cv2
 import numpy as np
 
-from retrue.decoding.gray_faults import CAPTURE, explain_count, require_complements, require_light
+from retrue.decoding.gray_faults import (
+    CAPTURE,
+    ends_with_white_and_black,
+    explain_count,
+    require_complements,
+    require_light,
+)
 from retrue.errors import CaptureError, InputError
 from retrue.geometry.arrays import Image
 from retrue.patterns.gray_code import GrayCode
@@ -46,9 +52,11 @@ def arrange(pattern: GrayCode, images: Sequence[Image], names: Sequence[str]) ->
     _require_alike(images, names)
     grey = [_grey(image) for image in images]
     pair_count = sum(pattern.bits)
-    if len(grey) not in (2 * pair_count, 2 * pair_count + 2):
+    if len(grey) not in (2 * pair_count, pattern.picture_count):
         raise CaptureError(CAPTURE, explain_count(pattern, grey, names))
     require_light(grey)
+    if len(grey) == 2 * pair_count and ends_with_white_and_black(grey):
+        raise CaptureError(CAPTURE, explain_count(pattern, grey, names))
     first = _first_pair(grey, names) if len(grey) == pattern.picture_count else 0
     pairs = range(first, first + 2 * pair_count, 2)
     require_complements(grey, names, pairs)

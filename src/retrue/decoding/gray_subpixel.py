@@ -57,7 +57,7 @@ class PlaneFit:
     Attributes
     ----------
     value : (height, width), sub-pixel n of every pixel.
-    mean_square : one per cell, of the distances of the edges nearby from their own cell's plane, in stripes^2.
+    mean_square : one per cell, of the distances of the window's edges from their own cell's plane, in stripes^2.
     variance : one per cell, of `value`, in stripes^2; grows where the edges lie to one side.
     """
 
@@ -130,19 +130,20 @@ def fit_planes(edges: Edges, along: int) -> PlaneFit:
     off = v - fitted - slope_x * edges.fraction
     off *= off
     off *= w
-    near = np.ones(3, np.float32)
-    squares, weights = (_filtered(_filtered(_per_cell(image, cell), near, 0), near, 1) for image in (off, w))
-    mean_square = squares / (weights + np.float32(1e-6))
-    variance = (mean_square + np.float32(EDGE_SIGMA**2)) * per_weight * (1 + np.maximum(lever, 0))
+    kernel = _kernel(cell, 0)
+    squares, weights, count = (
+        _filtered(_filtered(_per_cell(image, cell), kernel, 0), kernel, 1) for image in (off, w, np.float32(w > 0))
+    )
+    tiny = np.float32(1e-6)
+    of_weight_1 = squares / (count + tiny) + np.float32((EDGE_SIGMA / cell) ** 2)
+    variance = of_weight_1 * per_weight * (1 + np.maximum(lever, 0)) * np.float32(0.5 / cell**2)
     height, width = edges.shape
-    return PlaneFit(fitted[:height, :width], mean_square, variance * np.float32(0.5 / cell**2), cell)
+    return PlaneFit(fitted[:height, :width], squares / (weights + tiny), variance, cell)
 
 
 def _windowed(own: dict[str, FloatImage], cell: int, along: int) -> dict[str, FloatImage]:
     """Sums over the window from sums over single cells: a moment about another centre takes the lower ones along."""
-    offset = np.arange(-WINDOW_RADIUS, WINDOW_RADIUS + 1, dtype=np.float64)
-    gauss = np.exp(-0.5 * (offset / WINDOW_SIGMA) ** 2)
-    k0, k1, k2 = (np.float32(gauss * (cell * offset) ** power) for power in range(3))
+    k0, k1, k2 = (_kernel(cell, power) for power in range(3))
 
     def shifted(image: FloatImage, first: FloatImage, axis: int) -> FloatImage:
         """Sum of first + offset * image."""
@@ -161,6 +162,12 @@ def _windowed(own: dict[str, FloatImage], cell: int, along: int) -> dict[str, Fl
     sums = {name: _filtered(image, k0, across) for name, image in sums.items()}
     sums |= {"y": shifted(one, y, across), "xy": shifted(x, xy, across), "yv": shifted(v, yv, across)}
     return sums | {"yy": twice_shifted(one, y, yy, across)}
+
+
+def _kernel(cell: int, power: int) -> FloatImage:
+    """The window along one axis, times offset^power in pixels."""
+    offset = np.arange(-WINDOW_RADIUS, WINDOW_RADIUS + 1, dtype=np.float64)
+    return (np.exp(-0.5 * (offset / WINDOW_SIGMA) ** 2) * (cell * offset) ** power).astype(np.float32)
 
 
 def _inside_cell(shape: tuple[int, ...], cell: int, axis: int) -> FloatImage:
