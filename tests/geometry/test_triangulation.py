@@ -89,7 +89,9 @@ def test_the_optimum_is_what_a_minimiser_finds():
 
 def test_a_sigma_for_each_point_is_the_scalar_of_that_point():
     rng = np.random.default_rng(5)
-    camera_rays, projector_rays = (ray + rng.normal(scale=1e-3, size=ray.shape) for ray in rays_of(random_points(rng, 4)))
+    camera_rays, projector_rays = (
+        ray + rng.normal(scale=1e-3, size=ray.shape) for ray in rays_of(random_points(rng, 4))
+    )
     sigma = np.array([0.5, 1.0, 2.0, 4.0])
     together = triangulate(POSE, camera_rays, projector_rays, camera_sigma=sigma)
     for row in range(4):
@@ -114,10 +116,15 @@ def test_unequal_noise_is_worth_knowing():
 
 def test_sampson_distance_is_the_distance_to_rays_that_meet():
     rng = np.random.default_rng(7)
-    camera_rays, projector_rays = (ray + rng.normal(scale=1e-4, size=ray.shape) for ray in rays_of(random_points(rng, 50)))
+    camera_rays, projector_rays = (
+        ray + rng.normal(scale=1e-4, size=ray.shape) for ray in rays_of(random_points(rng, 50))
+    )
     found = triangulate(POSE, camera_rays, projector_rays, camera_sigma=0.5, projector_sigma=2.0)
     camera_met, projector_met = rays_of(found)
-    moved = np.sum((camera_met - camera_rays) ** 2, axis=1) / 0.25 + np.sum((projector_met - projector_rays) ** 2, axis=1) / 4
+    moved = (
+        np.sum((camera_met - camera_rays) ** 2, axis=1) / 0.25
+        + np.sum((projector_met - projector_rays) ** 2, axis=1) / 4
+    )
     distance = sampson_distances(POSE, camera_rays, projector_rays, camera_sigma=0.5, projector_sigma=2.0)
     assert np.allclose(np.abs(distance), np.sqrt(moved), rtol=1e-3)
 

@@ -80,7 +80,9 @@ def test_no_face_spans_a_hole():
     outside = ~(np.abs(camera_px - [160, 120]) < 40).all(axis=1)
     mesh = make_mesh(cloud_of(points[outside], camera_px[outside]))
     pixels = camera_px[rows_of(points, mesh)]
-    longest = max(np.linalg.norm(pixels[mesh.faces[:, i]] - pixels[mesh.faces[:, i - 1]], axis=1).max() for i in range(3))
+    longest = max(
+        np.linalg.norm(pixels[mesh.faces[:, i]] - pixels[mesh.faces[:, i - 1]], axis=1).max() for i in range(3)
+    )
     assert longest < 20
 
 

@@ -84,7 +84,7 @@ def test_outlier_sigmas_must_be_positive(sigmas):
 def test_epipolar_residuals_are_in_pixels():
     exact = correspondences(scene(step=20)[0])
     assert np.abs(epipolar_residuals(RIG, exact)).max() < 1e-6
-    shifted = Correspondences(exact.camera_px, exact.projector_px + [0.0, 1.0])
+    shifted = Correspondences(exact.camera_px, exact.projector_px + np.array([0.0, 1.0]))
     residual = np.abs(epipolar_residuals(RIG, shifted))
     # A finer projector shares the pixel unequally: 1400 of its pixels are 350 of the camera's.
     expected = 1 / np.hypot(1, 4)

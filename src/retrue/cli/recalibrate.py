@@ -9,7 +9,17 @@ from typing import TYPE_CHECKING
 
 from tyro.conf import OmitArgPrefixes
 
-from retrue.cli.command import DONE, REFUSED_OR_DRIFTED, CapturePaths, Command, Outcome, PatternPath, RigPath, read_captures, require_writable
+from retrue.cli.command import (
+    DONE,
+    REFUSED_OR_DRIFTED,
+    CapturePaths,
+    Command,
+    Outcome,
+    PatternPath,
+    RigPath,
+    read_captures,
+    require_writable,
+)
 from retrue.recalibration.options import RecalibrateOptions
 
 if TYPE_CHECKING:

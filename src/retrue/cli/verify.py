@@ -4,9 +4,17 @@ from __future__ import annotations
 
 import time
 from dataclasses import dataclass
-from pathlib import Path
 
-from retrue.cli.command import DONE, REFUSED_OR_DRIFTED, CapturePaths, Command, Outcome, PatternPath, RigPath, read_captures
+from retrue.cli.command import (
+    DONE,
+    REFUSED_OR_DRIFTED,
+    CapturePaths,
+    Command,
+    Outcome,
+    PatternPath,
+    RigPath,
+    read_captures,
+)
 
 
 @dataclass(frozen=True, kw_only=True)

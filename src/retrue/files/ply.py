@@ -51,7 +51,9 @@ def read_ply(path: str | Path) -> tuple[FloatArray, NDArray[np.uint8], IntArray]
     vertices, faces = counts.get("vertex", 0), counts.get("face", 0)
     expected = _header(vertices, faces if "face" in counts else None)
     if not mark or lines != expected:
-        raise FileError(path, "expected a binary little-endian PLY of float x y z, uchar red green blue (and triangles)")
+        raise FileError(
+            path, "expected a binary little-endian PLY of float x y z, uchar red green blue (and triangles)"
+        )
     if len(body) != vertices * VERTEX.itemsize + faces * FACE.itemsize:
         raise FileError(path, f"expected {vertices} points and {faces} faces, found {len(body)} bytes: is it cut off?")
     vertex = np.frombuffer(body, VERTEX, vertices)

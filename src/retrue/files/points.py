@@ -39,7 +39,8 @@ OPTIONAL = {
 
 def write_points(path: str | Path, points: Correspondences) -> None:
     """One row a point, exact to the last bit; the optional fields that the points have follow the four columns."""
-    names, columns = list(REQUIRED), [*points.camera_px.T, *points.projector_px.T]
+    names: list[str] = [*REQUIRED]
+    columns = [*points.camera_px.T, *points.projector_px.T]
     for name, field in OPTIONAL.items():
         values = getattr(points, name)
         if values is not None:
@@ -112,7 +113,9 @@ def _name_bad_line(path: str | Path, body: str, names: list[str], columns: list[
             continue
         for name, column in zip(names, columns, strict=True):
             if column >= len(cells):
-                raise FileError(path, f"line {line}: expected {name} in column {column + 1}, found {len(cells)} columns")
+                raise FileError(
+                    path, f"line {line}: expected {name} in column {column + 1}, found {len(cells)} columns"
+                )
             try:
                 finite = bool(np.isfinite(float(cells[column])))
             except ValueError:

@@ -31,7 +31,9 @@ def _continuous(points: FloatArray, index: IntArray) -> tuple[BoolArray, BoolArr
     w = np.where(index >= 0, 1 / points[index, 2], np.nan)
     step_right, step_down = _slope_residual(w), _slope_residual(w.T).T
     residuals = np.concatenate([step_right.ravel(), step_down.ravel()])
-    angles = np.concatenate([_spacing_angle(points, index[:, :-1], index[:, 1:]), _spacing_angle(points, index[:-1], index[1:])])
+    angles = np.concatenate(
+        [_spacing_angle(points, index[:, :-1], index[:, 1:]), _spacing_angle(points, index[:-1], index[1:])]
+    )
     angle = float(np.median(angles)) if len(angles) else 0.0
     limit = jump_limit(residuals, w, angle)
     return step_right <= np.fmin(limit[:, :-1], limit[:, 1:]), step_down <= np.fmin(limit[:-1], limit[1:])
@@ -61,9 +63,10 @@ def _slope_residual(w: FloatArray) -> FloatArray:
 
 def _median_of_three(a: FloatArray, b: FloatArray, c: FloatArray) -> FloatArray:
     """Of those that are not NaN; the flatter one of two."""
-    low, middle, high = np.sort(np.stack([a, b, c]), axis=0)  # NaN sorts last
-    flatter_of_two = np.where(np.abs(middle) < np.abs(low), middle, low)
-    return np.where(np.isnan(high), flatter_of_two, middle)
+    ordered: FloatArray = np.sort(np.stack([a, b, c]), axis=0)  # NaN sorts last
+    flatter_of_two: FloatArray = np.where(np.abs(ordered[1]) < np.abs(ordered[0]), ordered[1], ordered[0])
+    median: FloatArray = np.where(np.isnan(ordered[2]), flatter_of_two, ordered[1])
+    return median
 
 
 def _corner_faces(index: IntArray, right: BoolArray, down: BoolArray) -> IntArray:

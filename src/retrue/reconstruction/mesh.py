@@ -29,7 +29,9 @@ def make_mesh(cloud: Cloud) -> Mesh:
     DegenerateError : no three neighbours lie on one surface.
     """
     faces = (
-        grid_faces(cloud.points, cloud.cells) if cloud.cells is not None else scattered_faces(cloud.points, cloud.camera_px)
+        grid_faces(cloud.points, cloud.cells)
+        if cloud.cells is not None
+        else scattered_faces(cloud.points, cloud.camera_px)
     )
     faces = _facing_the_camera(cloud.points, faces)
     if not len(faces):

@@ -30,9 +30,7 @@ def scattered_faces(points: FloatArray, camera_px: FloatArray) -> IntArray:
     residuals = np.stack([_slope_residual(w, camera_px, slope, a, b) for a, b in sides])
     angle = float(np.median(np.concatenate([np.linalg.norm(points[a] - points[b], axis=1) * w[a] for a, b in sides])))
     limit = jump_limit(residuals, w, angle)
-    continuous = [
-        residual <= np.minimum(limit[a], limit[b]) for residual, (a, b) in zip(residuals, sides, strict=True)
-    ]
+    continuous = [residual <= np.minimum(limit[a], limit[b]) for residual, (a, b) in zip(residuals, sides, strict=True)]
     return faces[np.logical_and.reduce(continuous) & ~_spans_a_hole(camera_px, faces)]
 
 
