@@ -21,7 +21,7 @@ def plain(value: Any) -> Any:
     {'rms': None, 't': [1.5, 2.0], 'planes': [3]}
     """
     if isinstance(value, np.ndarray | np.generic):
-        value = value.tolist()
+        return plain(cast("Any", value).tolist())
     if isinstance(value, Mapping):
         return {str(key): plain(item) for key, item in cast("Mapping[Any, Any]", value).items()}
     if isinstance(value, Sequence) and not isinstance(value, str | bytes):

@@ -9,6 +9,9 @@ from typing import Literal
 from tyro.conf import Positional
 
 from retrue.cli.command import Command, Outcome, made_folder
+from retrue.errors import InputError
+
+LARGEST_SIDE = 16384  # pixels; beyond any projector, and its pictures still fit into memory
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -35,6 +38,9 @@ class Pattern(Command):
         from retrue.patterns.color_grid import make_color_grid
         from retrue.patterns.gray_code import GrayCode
 
+        if not all(1 <= side <= LARGEST_SIDE for side in self.projector_size):
+            width, height = self.projector_size
+            raise InputError(f"--projector-size: expected two sides of 1 to {LARGEST_SIDE}, found {width} x {height}")
         if self.kind == "color-grid":
             pattern = make_color_grid(self.projector_size)
             pictures = {"pattern.png": pattern.render()}

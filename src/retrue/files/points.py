@@ -39,7 +39,8 @@ OPTIONAL = {
 
 def write_points(path: str | Path, points: Correspondences) -> None:
     """One row a point, exact to the last bit; the optional fields that the points have follow the four columns."""
-    names, columns = list(REQUIRED), [*points.camera_px.T, *points.projector_px.T]
+    names: list[str] = [*REQUIRED]
+    columns = [*points.camera_px.T, *points.projector_px.T]
     for name, field in OPTIONAL.items():
         values = getattr(points, name)
         if values is not None:
@@ -93,14 +94,12 @@ def _header_and_body(path: str | Path) -> tuple[list[str], str]:
 def _parse(path: str | Path, body: str, names: list[str], columns: list[int]) -> FloatArray:
     if not body.strip():
         return np.empty((0, len(names)))
+    if (rows := body.count("\n")) > MOST_ROWS:
+        raise FileError(path, f"expected at most {MOST_ROWS} rows, found {rows}")
     try:
-        table = np.loadtxt(
-            io.StringIO(body), delimiter=",", comments=None, usecols=columns, ndmin=2, max_rows=MOST_ROWS + 1
-        )
+        table = np.loadtxt(io.StringIO(body), delimiter=",", comments=None, usecols=columns, ndmin=2)
     except ValueError:
         _name_bad_line(path, body, names, columns)
-    if len(table) > MOST_ROWS:
-        raise FileError(path, f"expected at most {MOST_ROWS} rows, found more")
     if not np.isfinite(table).all():
         _name_bad_line(path, body, names, columns)
     return table

@@ -159,24 +159,27 @@ def _corrected_rays(
     x - k s_x^2 n_x and y - k s_y^2 n_y, to where they meet: a quadratic in k.
     """
     (x1, x2), (y1, y2) = x, y
-    # Epipolar lines of the original rays.
-    l1, l2, l3 = (row[0] * x1 + row[1] * x2 + row[2] for row in E)
-    m1, m2 = (column[0] * y1 + column[1] * y2 + column[2] for column in E.T[:2])
-    error = y1 * l1 + y2 * l2 + l3
+    l1, l2 = _line_normal(E, x)
+    m1, m2 = _line_normal(E.T, y)
+    error = y1 * l1 + y2 * l2 + (E[2, 0] * x1 + E[2, 1] * x2 + E[2, 2])
     (a, b), (c, d) = E[:2, :2]
-    nx1, nx2, ny1, ny2 = m1, m2, l1, l2
     for _ in range(2):
-        u1, u2 = camera_variance * nx1, camera_variance * nx2
-        v1, v2 = projector_variance * ny1, projector_variance * ny2
-        eu1, eu2 = a * u1 + b * u2, c * u1 + d * u2
-        quadratic = v1 * eu1 + v2 * eu2
+        n1, n2 = _line_normal(E.T, y)
+        u1, u2 = camera_variance * n1, camera_variance * n2
+        n1, n2 = _line_normal(E, x)
+        v1, v2 = projector_variance * n1, projector_variance * n2
+        quadratic = v1 * (a * u1 + b * u2) + v2 * (c * u1 + d * u2)
         half_linear = 0.5 * (v1 * l1 + v2 * l2 + u1 * m1 + u2 * m2)
         root = np.sqrt(half_linear * half_linear - quadratic * error)
         k = error / (half_linear + root)  # the smaller root; half_linear is positive up to second order
-        nx1, nx2 = m1 - k * (a * v1 + c * v2), m2 - k * (b * v1 + d * v2)
-        ny1, ny2 = l1 - k * eu1, l2 - k * eu2
-    # The step above moved the normals on; the rays take the same step.
-    return (x1 - k * u1, x2 - k * u2), (y1 - k * v1, y2 - k * v2)
+        x, y = (x1 - k * u1, x2 - k * u2), (y1 - k * v1, y2 - k * v2)
+    return x, y
+
+
+def _line_normal(E: FloatArray, ray: _Columns) -> _Columns:
+    """The first two entries of E (ray, 1): normal to the epipolar line in the other device."""
+    first, second = (row[0] * ray[0] + row[1] * ray[1] + row[2] for row in E[:2])
+    return first, second
 
 
 def _intersection(R: FloatArray, t: FloatArray, x: _Columns, y: _Columns) -> tuple[FloatArray, FloatArray, FloatArray]:
