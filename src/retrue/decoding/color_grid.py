@@ -6,6 +6,7 @@ import numpy as np
 
 from retrue.correspondences import Correspondences
 from retrue.decoding.grid_blocks import find_blocks
+from retrue.decoding.grid_centres import refine_centres
 from retrue.decoding.grid_colors import separate_colors
 from retrue.decoding.grid_links import link_blocks
 from retrue.decoding.grid_windows import Code, place_blocks, significant
@@ -25,5 +26,10 @@ def decode_color_grid(
     good = significant(code, links, label, place)
     index = np.flatnonzero(good)
     row, column, _ = code.split(place[index])
-    projector_px = np.asarray(pattern.origin) + pattern.pitch * np.stack([column, row], axis=-1)
-    return Correspondences(blocks.centre[index], projector_px, cells=np.stack([row, column], axis=-1))
+    coarse = np.full((code.rows, code.columns, 2), np.nan)
+    coarse[row, column] = blocks.centre[index]
+    centres = refine_centres(image, coarse, pattern.block / pattern.pitch)
+    cells = np.argwhere(np.isfinite(centres.camera_px[..., 0]))
+    projector_px = np.asarray(pattern.origin) + pattern.pitch * cells[:, ::-1]
+    camera_px = centres.camera_px[cells[:, 0], cells[:, 1]]
+    return Correspondences(camera_px, projector_px, cells=cells)
