@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from retrue.decoding.grid_links import NONE, Links
-from retrue.geometry.arrays import BoolArray, IntArray
+from retrue.geometry.arrays import BoolArray, FloatArray, IntArray
 from retrue.patterns.color_grid import ColorGrid
 
 EXACT_VOTE, CORRECTED_VOTE = 3, 1
@@ -106,8 +106,8 @@ def agreeing_links(code: Code, links: Links, place: IntArray) -> tuple[BoolArray
     return known & (expected == there), known & (expected != there)
 
 
-def significant(code: Code, links: Links, label: IntArray, place: IntArray) -> BoolArray:
-    """Which blocks belong to a connected surface that matches the code beyond chance.
+def surface_evidence(code: Code, links: Links, label: IntArray, place: IntArray) -> tuple[IntArray, FloatArray]:
+    """Surface (N,) of each block, and by how many nats (N,) that surface matches the code beyond chance.
 
     m of n colours right has probability C(n, m) q^m, q of one colour by chance; the surface could have
     been laid over any place of the code, starting from any block.
@@ -126,7 +126,16 @@ def significant(code: Code, links: Links, label: IntArray, place: IntArray) -> B
     m = np.bincount(surface, placed & (code.color(place) == label))
     log_chance = gammaln(n + 1) - gammaln(m + 1) - gammaln(n - m + 1) - m * np.log(max(code.base - 1, 2))
     log_trials = np.log(len(code.windows)) + np.log(max(count, 1))
-    return placed & (log_chance + log_trials < -SIGNIFICANCE)[surface]
+    return surface, np.where(placed, -(log_chance + log_trials)[surface], -np.inf)
+
+
+def joined_places(code: Code, links: Links, place: IntArray, holder: IntArray) -> tuple[BoolArray, BoolArray]:
+    """Which places are linked to the next of their row, (rows, columns - 1), and of their column, (rows - 1, columns)."""
+    held = np.maximum(holder, 0)
+    rotation = np.where(holder >= 0, place[held] % 4, 0)
+    right = np.where(holder >= 0, links.neighbour[held, (0 - rotation) % 4], NONE)
+    down = np.where(holder >= 0, links.neighbour[held, (1 - rotation) % 4], NONE)
+    return (right[:, :-1] >= 0) & (right[:, :-1] == holder[:, 1:]), (down[:-1] >= 0) & (down[:-1] == holder[1:])
 
 
 def _vote(code: Code, links: Links, voters: list[tuple[IntArray, int]]) -> IntArray:
