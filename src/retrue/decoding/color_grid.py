@@ -15,6 +15,7 @@ from retrue.decoding.grid_centres import refine_centres
 from retrue.decoding.grid_colors import separate_colors
 from retrue.decoding.grid_links import link_blocks
 from retrue.decoding.grid_sight import GridSight, Verdict
+from retrue.decoding.grid_surface import Joints
 from retrue.decoding.grid_windows import SIGNIFICANCE, Code, joined_places, place_blocks, surface_evidence
 from retrue.errors import InputError
 from retrue.geometry.arrays import Image
@@ -126,8 +127,8 @@ def _inspect_at(pattern: ColorGrid, picture: Image, halvings: int) -> GridSight:
     coarse = np.full((code.rows, code.columns, 2), np.nan)
     held = holder >= 0
     coarse[held] = (blocks.centre[holder[held]] + 0.5) * scale - 0.5
-    joined = joined_places(code, links, place, holder)
-    centres = refine_centres(picture, coarse, joined, pattern.block / pattern.pitch)
+    joints = Joints(*joined_places(code, links, place, holder))
+    centres = refine_centres(picture, coarse, joints, pattern.block / pattern.pitch)
     lost = held & ~np.isfinite(centres.camera_px[..., 0])
     verdict[holder[lost]] = Verdict.NO_CENTRE
     color = np.zeros((code.rows, code.columns, 3), np.uint8)

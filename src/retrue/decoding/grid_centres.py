@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import cast
 
@@ -9,15 +10,25 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from retrue.geometry.arrays import BoolArray, FloatArray, Image
+from retrue.decoding.grid_surface import Joints, agreement, slopes
+from retrue.geometry.arrays import FloatArray, Image
 
-SAMPLES = 9  # across each side of a block
-LINES = 9  # side by side, along each side
-SPREAD = 0.8  # of the side that the lines cover
-WINDOW = 0.88  # of half a gap: how far the samples reach to either side
-ROUNDS = 3
-CREASE = 0.1  # change of the pitch from one block to the next that no smooth surface shows
+LINES = 9  # profiles side by side, over the middle of the block
+SPREAD = 0.8  # of a block's side that the lines cover
+REACH = 0.5  # pitches that a profile reaches to either side: to the middle of the gaps
+SAMPLES = 21  # along a profile
+BLUR = 1.0  # px, standard deviation of a typical edge; the fit hardly depends on it
+BLURS = np.geomspace(0.02, 0.4, 25)  # in pitches: one filter each
+SIDE_SAMPLES = 9  # across one side
+SIDE_WINDOW = 0.88  # of half a gap: how far those reach from the side
+CHANNEL_TRUST = np.array([1.0, 2.0, 1.0], np.float32)  # green is sampled twice as densely, and never subsampled
+ROUNDS = 2
 FARTHEST = 0.3  # of a pitch that a centre may lie off the middle of its blob
+STRAIGHT = 4.0  # sigmas by which lines through one block may differ on a smooth surface
+DISAGREEMENT = 0.1  # of a pitch between two ways to measure: more, and the block is cut
+
+Samples = NDArray[np.float32]
+_Offset = Callable[[Image, Samples, FloatArray, FloatArray, FloatArray, float], FloatArray]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -34,82 +45,138 @@ class Centres:
     sigma_px: FloatArray
 
 
-def refine_centres(image: Image, coarse: FloatArray, joined: tuple[BoolArray, BoolArray], duty: float) -> Centres:
-    """Centres (rows, columns, 2) from the four sides of each block, starting from `coarse` (NaN: no block).
+def refine_centres(image: Image, coarse: FloatArray, joints: Joints, duty: float) -> Centres:
+    """Centres (rows, columns, 2) from the profiles of the blocks, starting from `coarse` (NaN: no block).
 
-    `joined` says which blocks are on one surface with the next block of their row (rows, columns - 1), and with the
-    next one of their column (rows - 1, columns).
+    A profile across a block gives the middle of its two sides, however blurred: the centre, in affine
+    approximation. Perspective bends the scale, x(u) = x0 + a u + b u^2 / 2 in grid units, so the middle of
+    u = -h and u = +h lies b h^2 / 2 off x0; b comes from the neighbours. `duty` is block over pitch.
 
-    Along each axis of the grid the block's profile falls to half its height at two sides; their middle is the
-    centre in affine approximation, however blurred the sides are. Perspective bends the scale: positions
-    are x(u) = x0 + a u + b u^2 / 2 in grid units, so the middle of u = -h and u = +h lies b h^2 / 2 off x0; b comes
-    from the neighbours. `duty` is block over pitch.
+    A print on the surface disturbs whole profiles more than it disturbs the sides alone. So blocks that do
+    not fit in with their neighbours are measured again by their sides; what still does not fit is where its
+    neighbours say, if those agree, and gone if nothing agrees.
     """
-    right, right_bend = _derivatives(coarse, joined[0], axis=1)
-    down, down_bend = _derivatives(coarse, joined[1], axis=0)
-    known = np.isfinite(right[..., 0]) & np.isfinite(down[..., 0]) & np.isfinite(coarse[..., 0])
-    position = np.full_like(coarse, np.nan)
-    sigma = np.full(coarse.shape[:2], np.nan)
-    if known.any():
-        u, v = right[known], down[known]
-        bend = 0.5 * (duty / 2) ** 2 * (right_bend[known] + down_bend[known])
-        start = p = coarse[known] + bend
-        color = _color_direction(image, p, u, v)
-        for _ in range(ROUNDS):
-            p = p + _offset(image, color, p, u, v, duty)[:, None] * u + _offset(image, color, p, v, u, duty)[:, None] * v
-        moved = np.linalg.norm(p - start, axis=-1)
-        near = moved < FARTHEST * np.minimum(np.linalg.norm(u, axis=-1), np.linalg.norm(v, axis=-1))
-        position[known] = np.where(near[:, None], p - bend, np.nan)
-        sigma[known] = 0.05
+    right, down, bend = slopes(coarse, joints)
+    known = np.isfinite(coarse[..., 0] + right[..., 0] + down[..., 0])
+    position, sigma = np.full_like(coarse, np.nan), np.full(coarse.shape[:2], np.nan)
+    if not known.any():
+        return Centres(position, sigma)
+    pitch = np.minimum(np.linalg.norm(right, axis=-1), np.linalg.norm(down, axis=-1))
+    shift = 0.5 * (duty / 2) ** 2 * bend
+
+    fitted = np.full_like(coarse, np.nan)
+    fitted[known] = _measure(image, (coarse + shift)[known], right[known], down[known], duty, _profile_offset)
+    fitted -= shift
+    fitted[~(np.linalg.norm(fitted - coarse, axis=-1) < FARTHEST * pitch)] = np.nan
+    first = agreement(fitted, joints)
+
+    again = known & (first.odd | ~np.isfinite(fitted[..., 0]))
+    by_sides = fitted.copy()
+    by_sides[again] = (
+        _measure(image, (coarse + shift)[again], right[again], down[again], duty, _side_offset) - shift[again]
+    )
+    by_sides[~(np.linalg.norm(by_sides - coarse, axis=-1) < FARTHEST * pitch)] = np.nan
+    second = agreement(by_sides, joints)
+
+    between = np.nan_to_num(np.linalg.norm(by_sides - fitted, axis=-1), nan=np.inf)
+    position[known] = by_sides[known]
+    sigma[known] = np.hypot(first.sigma, np.where(again, between, 0.0))[known]
+    off = again & (second.odd | ~np.isfinite(by_sides[..., 0]))
+    smooth = off & (second.spread < STRAIGHT * first.sigma) & np.isfinite(second.expected[..., 0])
+    position[smooth] = second.expected[smooth]
+    sigma[smooth] = np.maximum(second.spread, first.sigma)[smooth]
+    position[off & ~smooth & ~(between < DISAGREEMENT * pitch)] = np.nan
+    sigma[~np.isfinite(position[..., 0])] = np.nan
     return Centres(position, sigma)
 
 
-def _derivatives(position: FloatArray, joined: BoolArray, axis: int) -> tuple[FloatArray, FloatArray]:
-    """First and second difference of positions along a grid axis; one-sided, and no bend, at the ends of a surface."""
-    step = np.where(joined[..., None], np.diff(position, axis=axis), np.nan)
-    end = np.full_like(np.take(position, [0], axis=axis), np.nan)
-    forward, backward = np.concatenate([step, end], axis=axis), np.concatenate([end, step], axis=axis)
-    one_sided = np.where(np.isfinite(forward), forward, backward)
-    both = np.isfinite(forward + backward)
-    slope = np.where(both, (forward + backward) / 2, one_sided)
-    bend = np.where(both, forward - backward, 0.0)
-    # A crease is no curvature.
-    sharp = ~(np.linalg.norm(bend, axis=-1) < CREASE * np.linalg.norm(slope, axis=-1))
-    return slope, np.where(sharp[..., None], 0.0, bend)
+def _measure(image: Image, p: FloatArray, u: FloatArray, v: FloatArray, duty: float, offset: _Offset) -> FloatArray:
+    """Centres (N, 2), from starts p and grid steps u, v (N, 2), by repeated offsets along both."""
+    if len(p) == 0:
+        return p
+    weights = _color_weights(image, p, u, v)
+    for _ in range(ROUNDS):
+        along_u = offset(image, weights, p, u, v, duty)
+        along_v = offset(image, weights, p, v, u, duty)
+        p = p + along_u[:, None] * u + along_v[:, None] * v
+    return p
 
 
-def _sample(image: Image, at: FloatArray) -> NDArray[np.float32]:
-    maps = at.astype(np.float32)
-    shape = maps.shape[:-1]
-    flat = maps.reshape(shape[0], -1, 2)
-    out = cv2.remap(image, flat[..., 0], flat[..., 1], cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
-    return cast(NDArray[np.float32], np.asarray(out, dtype=np.float32).reshape(*shape, 3))
-
-
-def _color_direction(image: Image, p: FloatArray, u: FloatArray, v: FloatArray) -> NDArray[np.float32]:
+def _color_weights(image: Image, p: FloatArray, u: FloatArray, v: FloatArray) -> Samples:
     """Weights (N, 3) that make one number of a colour: most where block and gaps differ most."""
-    gaps = np.stack([p + u / 2, p - u / 2, p + v / 2, p - v / 2, p], axis=1)
-    seen = _sample(image, gaps)
-    added = np.maximum(seen[:, 4] - seen[:, :4].min(axis=1), 0)
+    seen = _sample(image, np.stack([p, p + u / 2, p - u / 2, p + v / 2, p - v / 2], axis=1))
+    added = np.maximum(seen[:, 0] - seen[:, 1:].min(axis=1), 0) * CHANNEL_TRUST
     return added / np.maximum(added.sum(axis=1, keepdims=True), 1e-6)
 
 
-def _offset(
-    image: Image, color: NDArray[np.float32], p: FloatArray, u: FloatArray, v: FloatArray, duty: float
+def _profile_offset(
+    image: Image, weights: Samples, p: FloatArray, u: FloatArray, v: FloatArray, duty: float
 ) -> FloatArray:
-    """How far along u, in pitches, the middle between the two sides of each block is from p.
+    """How far along u, in pitches, the block's middle is from p: least squares of its whole profile.
 
-    A side lies where the area under its profile says: among samples from inside to outside, levels taken at
-    the two ends, it is off the middle of the window by (mean height - 1/2) of the window's length.
-    Areas do not care how the sides are blurred, nor where a colour mosaic happens to sample them.
+    The profile is A B(t - d) + A1 B(t - 1) + A2 B(t + 1) + C: the block, its two neighbours' blur, the gap. To first
+    order in d that is linear, so A and A d are two fixed filters of the profile.
     """
-    window = WINDOW * min(1 - duty, duty) / 2
-    t = np.linspace(-window, window, SAMPLES)
-    s = np.linspace(-0.5, 0.5, LINES) * duty * SPREAD
+    t = np.linspace(-REACH, REACH, SAMPLES)
+    profile = _profiles(image, weights, p, u, v, t, duty)
+    height_filters, shift_filters = _filters(t, duty)
+    blur = BLUR / np.maximum(np.linalg.norm(u, axis=-1), 1e-6)
+    nearest = np.abs(np.log(BLURS) - np.log(blur)[:, None]).argmin(axis=1)
+    height = np.einsum("nt,nt->n", height_filters[nearest], profile)
+    shift = np.einsum("nt,nt->n", shift_filters[nearest], profile)
+    return np.clip(shift / np.maximum(height, 1e-6), -0.15, 0.15)
+
+
+def _filters(t: FloatArray, duty: float) -> tuple[FloatArray, FloatArray]:
+    """For each of BLURS, the filters (len(BLURS), len(t)) that give A and A d of a profile."""
+    from scipy.special import ndtr
+
+    heights: list[FloatArray] = []
+    shifts: list[FloatArray] = []
+    for blur in BLURS:
+
+        def block(x: FloatArray, blur: float = blur) -> FloatArray:
+            return ndtr((x + duty / 2) / blur) - ndtr((x - duty / 2) / blur)
+
+        step = 1e-4
+        slope = (block(t - step) - block(t + step)) / (2 * step)
+        terms = np.stack([block(t), slope, block(t - 1), block(t + 1), np.ones_like(t)], axis=-1)
+        inverse = np.linalg.pinv(terms)
+        heights.append(inverse[0])
+        shifts.append(inverse[1])
+    return np.stack(heights), np.stack(shifts)
+
+
+def _side_offset(
+    image: Image, weights: Samples, p: FloatArray, u: FloatArray, v: FloatArray, duty: float
+) -> FloatArray:
+    """The same from the two sides alone: a print elsewhere on the block does not matter.
+
+    Each side is where the area under its profile says: with levels taken at the ends of a window about the side, it is
+    off the middle of the window by (mean height - 1/2) of the window's length.
+    """
+    window = SIDE_WINDOW * min(1 - duty, duty) / 2
+    t = np.linspace(-window, window, SIDE_SAMPLES)
     across = np.concatenate([duty / 2 + t, -(duty / 2 + t)])
-    at = p[:, None, None] + across[:, None, None] * u[:, None, None] + s[:, None] * v[:, None, None]
-    profile = np.einsum("ntlc,nc->nt", _sample(image, at), color).reshape(len(p), 2, SAMPLES).astype(np.float64) / LINES
+    profile = _profiles(image, weights, p, u, v, across, duty).reshape(len(p), 2, SIDE_SAMPLES)
     inside, outside = profile[..., 0], profile[..., -1]
-    height = profile.mean(axis=-1) - outside
-    edge = (height / np.maximum(inside - outside, 1e-6) - 0.5) * 2 * window
-    return np.clip((edge[:, 0] - edge[:, 1]) / 2, -window, window)
+    height = (profile.mean(axis=-1) - outside) / np.maximum(inside - outside, 1e-6)
+    edge = (np.clip(height, 0.0, 1.0) - 0.5) * 2 * window
+    return (edge[:, 0] - edge[:, 1]) / 2
+
+
+def _profiles(
+    image: Image, weights: Samples, p: FloatArray, u: FloatArray, v: FloatArray, t: FloatArray, duty: float
+) -> FloatArray:
+    """(N, len(t)) mean over lines parallel to u, `t` in pitches along u from p."""
+    s = np.linspace(-0.5, 0.5, LINES) * duty * SPREAD
+    along, beside = t[:, None, None] * u[:, None, None], s[:, None] * v[:, None, None]
+    seen = _sample(image, p[:, None, None] + along + beside).mean(axis=2)
+    return np.einsum("ntc,nc->nt", seen, weights).astype(np.float64)
+
+
+def _sample(image: Image, at: FloatArray) -> Samples:
+    """`image` at points (N, ..., 2), interpolated: (N, ..., 3)."""
+    maps = at.reshape(len(at), -1, 2).astype(np.float32)
+    seen = cv2.remap(image, maps[..., 0], maps[..., 1], cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
+    return cast(Samples, np.asarray(seen, dtype=np.float32).reshape(*at.shape[:-1], 3))
