@@ -10,15 +10,22 @@ from numpy.typing import NDArray
 
 from retrue.correspondences import Correspondences
 from retrue.decoding.grid_advice import advise
-from retrue.decoding.grid_blocks import find_blocks
+from retrue.decoding.grid_blocks import Blocks, find_blocks
 from retrue.decoding.grid_centres import refine_centres
 from retrue.decoding.grid_colors import separate_colors
-from retrue.decoding.grid_links import link_blocks
+from retrue.decoding.grid_links import NONE, Links, link_blocks
 from retrue.decoding.grid_sight import GridSight, Verdict
-from retrue.decoding.grid_surface import Joints
-from retrue.decoding.grid_windows import SIGNIFICANCE, Code, joined_places, place_blocks, surface_evidence
+from retrue.decoding.grid_surface import Joints, in_squares, sound_joints, whole_blocks
+from retrue.decoding.grid_windows import (
+    SIGNIFICANCE,
+    Code,
+    joined_places,
+    patch_evidence,
+    place_blocks,
+    surface_evidence,
+)
 from retrue.errors import InputError
-from retrue.geometry.arrays import Image
+from retrue.geometry.arrays import BoolArray, Image, IntArray
 from retrue.patterns.color_grid import ColorGrid
 
 FIRST_SIDE = 1600  # px: larger pictures are first looked at from further away
@@ -111,7 +118,7 @@ def _inspect_at(pattern: ColorGrid, picture: Image, halvings: int) -> GridSight:
     label, margin = separate_colors(blocks.color, links.around, pattern.colors)
     code = Code(pattern)
     place = place_blocks(code, links, label)
-    surface, nats = surface_evidence(code, links, label, place)
+    nats = surface_evidence(code, links, label, place)
 
     verdict = np.full(len(blocks), Verdict.DECODED, dtype=np.int64)
     verdict[~(nats > SIGNIFICANCE)] = Verdict.TOO_FEW
@@ -124,17 +131,16 @@ def _inspect_at(pattern: ColorGrid, picture: Image, halvings: int) -> GridSight:
     holder[row, column] = index
     verdict[index[holder[row, column] != index]] = Verdict.DOUBLED
 
-    coarse = np.full((code.rows, code.columns, 2), np.nan)
+    right = label == code.color(place)
+    holder, joints = _on_surfaces(code, blocks, links, place, right, holder)
     held = holder >= 0
-    coarse[held] = (blocks.centre[holder[held]] + 0.5) * scale - 0.5
-    joints = Joints(*joined_places(code, links, place, holder))
+    coarse = np.where(held[..., None], (blocks.centre[holder] + 0.5) * scale - 0.5, np.nan)
     centres = refine_centres(picture, coarse, joints, pattern.block / pattern.pitch)
-    lost = held & ~np.isfinite(centres.camera_px[..., 0])
-    verdict[holder[lost]] = Verdict.NO_CENTRE
+    lost = np.setdiff1d(np.flatnonzero(verdict == Verdict.DECODED), holder[np.isfinite(centres.camera_px[..., 0])])
+    verdict[lost] = Verdict.OFF_SURFACE
     color = np.zeros((code.rows, code.columns, 3), np.uint8)
     color[held] = np.clip(blocks.color[holder[held]], 0, 255)
     confidence = np.zeros((code.rows, code.columns))
-    right = label == code.color(place)
     confidence[held] = np.where(right, 0.5 + 0.5 * margin, 0.5 * (1 - margin))[holder[held]]
     return GridSight(
         pattern=pattern,
@@ -144,7 +150,6 @@ def _inspect_at(pattern: ColorGrid, picture: Image, halvings: int) -> GridSight:
         links=links,
         label=label,
         place=place,
-        surface=surface,
         verdict=verdict,
         holder=holder,
         centre_px=centres.camera_px,
@@ -152,6 +157,24 @@ def _inspect_at(pattern: ColorGrid, picture: Image, halvings: int) -> GridSight:
         confidence=confidence,
         color=color,
     )
+
+
+def _on_surfaces(
+    code: Code, blocks: Blocks, links: Links, place: IntArray, right: BoolArray, holder: IntArray
+) -> tuple[IntArray, Joints]:
+    """`holder` (rows, columns) without the blocks whose size or distance from their neighbours is not their surface's."""
+    joints = Joints(np.zeros((code.rows, code.columns - 1), bool), np.zeros((code.rows - 1, code.columns), bool))
+    if not (holder >= 0).any():
+        return holder, joints
+    area = 12 * np.sqrt(np.maximum(np.linalg.det(blocks.shape), 0.0))
+    for _ in range(2):
+        held = holder >= 0
+        position = np.where(held[..., None], blocks.centre[holder], np.nan)
+        joints = sound_joints(position, joined_places(links, place, holder))
+        keep = held & in_squares(joints) & whole_blocks(np.where(held, area[holder], np.nan), position, joints)
+        keep &= patch_evidence(code, joints, keep, right[holder]) > SIGNIFICANCE
+        holder = np.where(keep, holder, NONE)
+    return holder, joints.between(holder >= 0)
 
 
 def _decoded(sight: GridSight) -> int:

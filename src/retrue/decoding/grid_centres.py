@@ -58,9 +58,8 @@ def refine_centres(image: Image, coarse: FloatArray, joints: Joints, duty: float
     """
     right, down, bend = slopes(coarse, joints)
     known = np.isfinite(coarse[..., 0] + right[..., 0] + down[..., 0])
-    position, sigma = np.full_like(coarse, np.nan), np.full(coarse.shape[:2], np.nan)
     if not known.any():
-        return Centres(position, sigma)
+        return Centres(np.full_like(coarse, np.nan), np.full(coarse.shape[:2], np.nan))
     pitch = np.minimum(np.linalg.norm(right, axis=-1), np.linalg.norm(down, axis=-1))
     shift = 0.5 * (duty / 2) ** 2 * bend
 
@@ -78,14 +77,13 @@ def refine_centres(image: Image, coarse: FloatArray, joints: Joints, duty: float
     by_sides[~(np.linalg.norm(by_sides - coarse, axis=-1) < FARTHEST * pitch)] = np.nan
     second = agreement(by_sides, joints)
 
-    between = np.nan_to_num(np.linalg.norm(by_sides - fitted, axis=-1), nan=np.inf)
-    position[known] = by_sides[known]
-    sigma[known] = np.hypot(first.sigma, np.where(again, between, 0.0))[known]
-    off = again & (second.odd | ~np.isfinite(by_sides[..., 0]))
-    smooth = off & (second.spread < STRAIGHT * first.sigma) & np.isfinite(second.expected[..., 0])
-    position[smooth] = second.expected[smooth]
-    sigma[smooth] = np.maximum(second.spread, first.sigma)[smooth]
-    position[off & ~smooth & ~(between < DISAGREEMENT * pitch)] = np.nan
+    lost = ~np.isfinite(by_sides[..., 0])
+    unsure = again & (second.odd | lost | ~np.isfinite(fitted[..., 0]))
+    between = np.linalg.norm(by_sides - fitted, axis=-1)
+    straight = np.isfinite(second.expected[..., 0]) & (second.spread < STRAIGHT * first.sigma)
+    position = np.where((unsure & straight)[..., None], second.expected, by_sides)
+    position[unsure & ~straight & ~(between < DISAGREEMENT * pitch)] = np.nan
+    sigma = np.hypot(first.sigma, np.where(unsure, np.where(straight, second.spread, between), 0.0))
     sigma[~np.isfinite(position[..., 0])] = np.nan
     return Centres(position, sigma)
 

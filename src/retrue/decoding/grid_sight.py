@@ -22,7 +22,7 @@ class Verdict(IntEnum):
     NO_PLACE = 2
     TOO_FEW = 3
     DOUBLED = 4
-    NO_CENTRE = 5
+    OFF_SURFACE = 5
 
     @property
     def reason(self) -> str:
@@ -35,7 +35,7 @@ REASONS = {
     Verdict.NO_PLACE: "colours fit no place of the code",
     Verdict.TOO_FEW: "surface too small to be sure",
     Verdict.DOUBLED: "place taken by a surer block",
-    Verdict.NO_CENTRE: "cut, or off its surface",
+    Verdict.OFF_SURFACE: "cut, or off its surface",
 }
 
 
@@ -49,7 +49,7 @@ class GridSight:
     halvings : how many times it was halved to find the blocks.
     blocks, links : in pixels of the halved picture.
     label : (N,) colour index of each blob.
-    place : (N,) place in the code, or -1; surface : (N,) which connected surface.
+    place : (N,) place in the code, or -1.
     verdict : (N,) a `Verdict` each.
     holder : (rows, columns) blob that holds the place, or -1.
     centre_px, sigma_px, confidence, color : of every place that was decoded, in pixels of `picture`.
@@ -62,7 +62,6 @@ class GridSight:
     links: Links
     label: IntArray
     place: IntArray
-    surface: IntArray
     verdict: IntArray
     holder: IntArray
     centre_px: FloatArray

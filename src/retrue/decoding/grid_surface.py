@@ -11,6 +11,8 @@ from retrue.geometry.arrays import BoolArray, FloatArray
 CREASE = 0.1  # change of the pitch from one block to the next that no smooth surface shows
 OUTLIER_SIGMAS = 5.0
 LEAST_SIGMA = 0.02  # px
+STEP_CHANGE = 0.25  # of a step, to the most similar step beside it or before or after it, on one surface
+SIZE_CHANGE = 1.6  # of a block's area, to what the steps to its neighbours make it
 DIRECTIONS = ((0, 1), (1, 0), (1, 1), (1, -1))
 
 
@@ -20,6 +22,10 @@ class Joints:
 
     right: BoolArray
     down: BoolArray
+
+    def between(self, held: BoolArray) -> Joints:
+        """Only the joints with a held block at both ends."""
+        return Joints(self.right & held[:, :-1] & held[:, 1:], self.down & held[:-1] & held[1:])
 
     def step(self, direction: tuple[int, int]) -> BoolArray:
         """(rows, columns) whether a block is linked to the one in `direction` (down, right), at an angle over a corner."""
@@ -54,6 +60,39 @@ def slopes(position: FloatArray, joints: Joints) -> tuple[FloatArray, FloatArray
     right, right_bend = _derivative(position, joints, (0, 1))
     down, down_bend = _derivative(position, joints, (1, 0))
     return _borrowed(right, joints), _borrowed(down, joints), right_bend + down_bend
+
+
+def sound_joints(position: FloatArray, joints: Joints) -> Joints:
+    """The joints whose step is like another one: of the next row or column, or before or after it in its own.
+
+    Where a surface hides part of another, blocks that are no neighbours stand side by side, and at a distance of
+    their own.
+    """
+    return Joints(
+        _like_another(position, joints.step((0, 1)), (0, 1))[:, :-1],
+        _like_another(position, joints.step((1, 0)), (1, 0))[:-1],
+    )
+
+
+def in_squares(joints: Joints) -> BoolArray:
+    """(rows, columns) blocks that are part of a square of four in which three or all joints hold."""
+    right, down = joints.right.astype(int), joints.down.astype(int)
+    square = right[:-1] + right[1:] + down[:, :-1] + down[:, 1:] >= 3
+    padded = np.pad(square, 1)
+    return padded[:-1, :-1] | padded[:-1, 1:] | padded[1:, :-1] | padded[1:, 1:]
+
+
+def whole_blocks(area: FloatArray, position: FloatArray, joints: Joints) -> BoolArray:
+    """(rows, columns) blocks whose `area` goes with the steps to their neighbours as it does all over the picture."""
+    right, down, _ = slopes(position, joints)
+    cell = np.abs(right[..., 0] * down[..., 1] - right[..., 1] * down[..., 0])
+    with np.errstate(divide="ignore", invalid="ignore"):
+        share = area / cell
+    known = np.isfinite(share)
+    if not known.any():
+        return known
+    usual = np.median(share[known])
+    return known & (share < SIZE_CHANGE * usual) & (share > usual / SIZE_CHANGE)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -95,6 +134,14 @@ def agreement(position: FloatArray, joints: Joints) -> Agreement:
     spread = np.max(np.nan_to_num(np.linalg.norm(lines - expected, axis=-1)), axis=0)
     expected[count < 2] = np.nan
     return Agreement(odd, expected, spread, sigma)
+
+
+def _like_another(position: FloatArray, linked: BoolArray, direction: tuple[int, int]) -> BoolArray:
+    step = np.where(linked[..., None], shifted(position, direction, np.nan) - position, np.nan)
+    others = [shifted(step, other, np.nan) for other in ((0, 1), (0, -1), (1, 0), (-1, 0))]
+    change = np.stack([np.linalg.norm(step - other, axis=-1) for other in others])
+    nearest = np.min(np.where(np.isfinite(change), change, np.inf), axis=0)
+    return linked & (nearest < STEP_CHANGE * np.linalg.norm(step, axis=-1))
 
 
 def _derivative(position: FloatArray, joints: Joints, direction: tuple[int, int]) -> tuple[FloatArray, FloatArray]:

@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from retrue.decoding.grid_links import NONE, Links
+from retrue.decoding.grid_surface import Joints
 from retrue.geometry.arrays import BoolArray, FloatArray, IntArray
 from retrue.patterns.color_grid import ColorGrid
 
@@ -106,36 +107,44 @@ def agreeing_links(code: Code, links: Links, place: IntArray) -> tuple[BoolArray
     return known & (expected == there), known & (expected != there)
 
 
-def surface_evidence(code: Code, links: Links, label: IntArray, place: IntArray) -> tuple[IntArray, FloatArray]:
-    """Surface (N,) of each block, and by how many nats (N,) that surface matches the code beyond chance.
+def surface_evidence(code: Code, links: Links, label: IntArray, place: IntArray) -> FloatArray:
+    """By how many nats the surface of each block (N,) matches the code beyond chance; surfaces are held by agreeing links."""
+    agree, _ = agreeing_links(code, links, place)
+    row, cell = np.nonzero(agree)
+    return _evidence(code, row, links.around[row, cell], place >= 0, code.color(place) == label)
 
-    m of n colours right has probability C(n, m) q^m, q of one colour by chance; the surface could have
-    been laid over any place of the code, starting from any block.
-    """
+
+def patch_evidence(code: Code, joints: Joints, held: BoolArray, right: BoolArray) -> FloatArray:
+    """The same (rows, columns), of places that are `held` and of the `right` colour, linked by joints."""
+    index = np.arange(held.size).reshape(held.shape)
+    start = np.concatenate([index[:, :-1][joints.right], index[:-1][joints.down]])
+    end = np.concatenate([index[:, 1:][joints.right], index[1:][joints.down]])
+    return _evidence(code, start, end, held.ravel(), (held & right).ravel()).reshape(held.shape)
+
+
+def _evidence(code: Code, start: IntArray, end: IntArray, placed: BoolArray, right: BoolArray) -> FloatArray:
+    """m of n colours right has probability C(n, m) q^m, q of one colour by chance; and a surface could have been laid
+    over any place of the code, starting from any of its blocks."""
     from scipy.sparse import coo_array
     from scipy.sparse.csgraph import connected_components
     from scipy.special import gammaln
 
-    count = len(place)
-    agree, _ = agreeing_links(code, links, place)
-    row, cell = np.nonzero(agree)
-    graph = coo_array((np.ones(len(row), np.int8), (row, links.around[row, cell])), shape=(count, count))
+    count = len(placed)
+    graph = coo_array((np.ones(len(start), np.int8), (start, end)), shape=(count, count))
     _, surface = connected_components(graph, directed=False)
-    placed = place >= 0
-    n = np.bincount(surface, placed)
-    m = np.bincount(surface, placed & (code.color(place) == label))
+    n, m = np.bincount(surface, placed), np.bincount(surface, placed & right)
     log_chance = gammaln(n + 1) - gammaln(m + 1) - gammaln(n - m + 1) - m * np.log(max(code.base - 1, 2))
-    log_trials = np.log(len(code.windows)) + np.log(max(count, 1))
-    return surface, np.where(placed, -(log_chance + log_trials)[surface], -np.inf)
+    log_trials = np.log(len(code.windows)) + np.log(max(int(placed.sum()), 1))
+    return np.where(placed, -(log_chance + log_trials)[surface], -np.inf)
 
 
-def joined_places(code: Code, links: Links, place: IntArray, holder: IntArray) -> tuple[BoolArray, BoolArray]:
-    """Which places are linked to the next of their row, (rows, columns - 1), and of their column, (rows - 1, columns)."""
+def joined_places(links: Links, place: IntArray, holder: IntArray) -> Joints:
+    """Which places of the code, held by blocks, are linked to the next one of their row and of their column."""
     held = np.maximum(holder, 0)
     rotation = np.where(holder >= 0, place[held] % 4, 0)
     right = np.where(holder >= 0, links.neighbour[held, (0 - rotation) % 4], NONE)
     down = np.where(holder >= 0, links.neighbour[held, (1 - rotation) % 4], NONE)
-    return (right[:, :-1] >= 0) & (right[:, :-1] == holder[:, 1:]), (down[:-1] >= 0) & (down[:-1] == holder[1:])
+    return Joints((right[:, :-1] >= 0) & (right[:, :-1] == holder[:, 1:]), (down[:-1] >= 0) & (down[:-1] == holder[1:]))
 
 
 def _vote(code: Code, links: Links, voters: list[tuple[IntArray, int]]) -> IntArray:
