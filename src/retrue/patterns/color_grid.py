@@ -4,6 +4,26 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+import numpy as np
+from numpy.typing import NDArray
+
+from retrue.errors import InputError
+from retrue.geometry.arrays import FloatArray
+from retrue.patterns.color_grid_code import make_code
+
+PAPER_COLORS = (
+    (255, 0, 0),
+    (0, 255, 0),
+    (0, 0, 255),
+    (255, 255, 255),
+    (0, 255, 255),
+    (255, 0, 255),
+    (255, 255, 0),
+)
+"""Red, green, blue, white, cyan, magenta, yellow: the seven of Zhang, Li, Wu 2007."""
+
+BLOCK_SHARE = 0.63  # of the pitch: the rest is gap, wide enough to keep the blocks apart when out of focus
+
 
 @dataclass(frozen=True, slots=True)
 class ColorGrid:
@@ -16,6 +36,7 @@ class ColorGrid:
     pitch, block : distance between block centres, and side of a block, in projector pixels.
     origin : projector pixel (x, y) of the centre of block (0, 0).
     code : rows of indices into `colors`.
+    distance : in how many cells any two 3x3 windows differ at least, in all four rotations; None: not known.
     """
 
     projector_size: tuple[int, int]
@@ -24,3 +45,95 @@ class ColorGrid:
     block: float
     origin: tuple[float, float]
     code: tuple[tuple[int, ...], ...]
+    distance: int | None = None
+
+    def centres(self) -> FloatArray:
+        """Projector pixels (rows, columns, 2) of the block centres."""
+        column, row = np.meshgrid(np.arange(len(self.code[0])), np.arange(len(self.code)))
+        return np.asarray(self.origin) + self.pitch * np.stack([column, row], axis=-1)
+
+    def render(self) -> NDArray[np.uint8]:
+        """The picture to project, (height, width, 3); a block that covers part of a pixel lights it in part.
+
+        >>> grid = ColorGrid((6, 4), ((255, 0, 0), (0, 255, 0)), 3.0, 2.5, (1.0, 1.0), ((0, 1),))
+        >>> grid.render()[1, :, 0].tolist(), grid.render()[1, :, 1].tolist()
+        ([191, 255, 191, 0, 0, 0], [0, 0, 0, 191, 255, 191])
+        """
+        width, height = self.projector_size
+        code = np.asarray(self.code)
+        columns = self._coverage(width, self.origin[0], code.shape[1])
+        rows = self._coverage(height, self.origin[1], code.shape[0])
+        colors = np.asarray(self.colors, dtype=np.float64)
+        lit = np.stack([rows.T @ colors[code, channel] @ columns for channel in range(3)], axis=-1)
+        return np.floor(lit + 0.5).astype(np.uint8)
+
+    def _coverage(self, size: int, origin: float, count: int) -> FloatArray:
+        """(count, size) how much of each pixel each block covers, along one axis."""
+        centre = origin + self.pitch * np.arange(count)[:, None]
+        pixel = np.arange(size)
+        start = np.maximum(centre - self.block / 2, pixel - 0.5)
+        end = np.minimum(centre + self.block / 2, pixel + 0.5)
+        return np.clip(end - start, 0.0, 1.0)
+
+
+def make_color_grid(
+    projector_size: tuple[int, int] = (1024, 768),
+    rows: int = 40,
+    columns: int = 51,
+    colors: tuple[tuple[int, int, int], ...] = PAPER_COLORS,
+    pitch: int | None = None,
+    block: int | None = None,
+    gap: int | None = None,
+    seed: int = 0,
+    window: int = 3,
+) -> ColorGrid:
+    """A colour grid in the middle of the projector's picture; the same arguments give the same grid, always.
+
+    Any two 3x3 windows, each in any of its four rotations, differ in at least `distance` cells of the result, as
+    many as can be had; side neighbours differ in colour, the colours are used evenly, and no white
+    block touches another, not even at a corner.
+
+    Parameters
+    ----------
+    projector_size : (width, height) in pixels.
+    rows, columns : of blocks.
+    colors : red, green, blue of each, 0 .. 255; three or more.
+    pitch, block, gap : in projector pixels, pitch = block + gap; the largest pitch that fits, by default.
+    seed : of the random choice.
+    window : side of the windows; 3 is what the decoder reads.
+
+    Raises
+    ------
+    InputError
+        where the grid does not fit the projector, or so many unique windows cannot be had of these colours.
+    """
+    width, height = projector_size
+    if not (min(rows, columns) >= window and window == 3):
+        raise InputError(f"color grid: expected windows of 3 x 3 in 3 x 3 blocks or more, found {rows} x {columns}")
+    if len(colors) < 3 or len(set(colors)) != len(colors):
+        raise InputError(f"color grid: expected three or more different colours, found {len(set(colors))}")
+    if pitch is None:
+        pitch = block + gap if block is not None and gap is not None else min(width // columns, height // rows)
+    if block is None:
+        block = pitch - gap if gap is not None else round(BLOCK_SHARE * pitch)
+    if gap is not None and block + gap != pitch:
+        raise InputError(f"color grid: expected pitch = block + gap, found {pitch} and {block} + {gap}")
+    needed = ((columns - 1) * pitch + block, (rows - 1) * pitch + block)
+    if not (0 < block < pitch and needed[0] <= width and needed[1] <= height):
+        raise InputError(
+            f"color grid: expected {columns} x {rows} blocks of {block} px every {pitch} px to fit "
+            f"{width} x {height} with gaps between; use fewer or smaller blocks"
+        )
+    white = next((i for i, color in enumerate(colors) if min(color) == 255), None)
+    code, distance = make_code(rows, columns, len(colors), seed, lonely=white)
+    # A block's sides lie between pixels: its first pixel is a whole number.
+    origin = tuple((size - need) // 2 + (block - 1) / 2 for size, need in zip(projector_size, needed, strict=True))
+    return ColorGrid(
+        projector_size=(int(width), int(height)),
+        colors=tuple((int(r), int(g), int(b)) for r, g, b in colors),
+        pitch=pitch,
+        block=block,
+        origin=(origin[0], origin[1]),
+        code=tuple(tuple(int(k) for k in row) for row in code),
+        distance=distance,
+    )

@@ -1,0 +1,230 @@
+"""One colour picture of a colour grid -> correspondences of block centres."""
+
+from __future__ import annotations
+
+from typing import Any, cast
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from retrue.correspondences import Correspondences
+from retrue.decoding.grid_advice import advise
+from retrue.decoding.grid_blocks import Blocks, find_blocks
+from retrue.decoding.grid_centres import refine_centres
+from retrue.decoding.grid_colors import separate_colors
+from retrue.decoding.grid_links import NONE, Links, link_blocks
+from retrue.decoding.grid_sight import GridSight, Verdict
+from retrue.decoding.grid_surface import Joints, in_squares, sound_joints, whole_blocks
+from retrue.decoding.grid_windows import (
+    SIGNIFICANCE,
+    Code,
+    joined_places,
+    patch_evidence,
+    place_blocks,
+    surface_evidence,
+)
+from retrue.errors import InputError
+from retrue.geometry.arrays import BoolArray, Image, IntArray
+from retrue.patterns.color_grid import ColorGrid
+
+FIRST_SIDE = 1600  # px: larger pictures are first looked at from further away
+SMALL_BLOCK = 8.0  # px: blocks below this are looked at again in a finer picture, if there is one
+FEW_BLOCKS = 0.02  # of the code: less than that decoded, and coarser pictures are tried too
+
+
+def decode_color_grid(
+    pattern: ColorGrid, image: Image, black: Image | None = None, white: Image | None = None
+) -> Correspondences:
+    """Block centres of `pattern` in one colour picture; empty, with advice, where there is no such grid.
+
+    Parameters
+    ----------
+    pattern : any colour grid, wherever it comes from.
+    image : (h, w, 3) red, green, blue, uint8 or uint16.
+    black, white : the same view with the projector dark, and all white; not needed, but they remove the
+        room's light and the paint of the scene.
+
+    Returns
+    -------
+    Correspondences
+        one point a block: the image of its centre, and that centre in the projector; `cells` are (row, column)
+        of the code. `card`: blocks_seen, decoded, rejected {reason: count}, coverage, block_px, advice.
+
+    Raises
+    ------
+    InputError
+        where `image` is no picture at all, or the other two are not of its size.
+    """
+    return correspondences_of(inspect_color_grid(pattern, image, black, white))
+
+
+def inspect_color_grid(
+    pattern: ColorGrid, image: Image, black: Image | None = None, white: Image | None = None
+) -> GridSight:
+    """All that the decoder sees on its way: blocks, links, colours, places, verdicts and centres."""
+    picture = _scene_light(image, black, white)
+    halvings = 0
+    while max(picture.shape[:2]) / 2**halvings > FIRST_SIDE:
+        halvings += 1
+    best = _inspect_at(pattern, picture, halvings)
+    while halvings > 0 and best.block_px < SMALL_BLOCK * 2**best.halvings:
+        halvings -= 1
+        best = max(_inspect_at(pattern, picture, halvings), best, key=_decoded)
+    coarser = best.halvings
+    few = FEW_BLOCKS * len(pattern.code) * len(pattern.code[0])
+    while _decoded(best) < few and min(picture.shape[:2]) / 2 ** (coarser + 1) > 64:
+        coarser += 1
+        best = max(best, _inspect_at(pattern, picture, coarser), key=_decoded)
+    return best
+
+
+def correspondences_of(sight: GridSight) -> Correspondences:
+    """The points of a sight, and its card."""
+    cells = np.argwhere(np.isfinite(sight.centre_px).all(axis=-1))
+    row, column = cells[:, 0], cells[:, 1]
+    pattern = sight.pattern
+    h, w = sight.picture.shape[:2]
+    decoded = len(cells)
+    card: dict[str, Any] = {
+        "blocks_seen": len(sight.blocks),
+        "decoded": decoded,
+        "rejected": sight.rejected(),
+        "coverage": round(_coverage(sight.centre_px[row, column], w, h), 3),
+        "block_px": round(sight.block_px, 1),
+        "advice": advise(sight, decoded),
+    }
+    return Correspondences(
+        sight.centre_px[row, column],
+        np.asarray(pattern.origin) + pattern.pitch * cells[:, ::-1],
+        camera_sigma_px=sight.sigma_px[row, column],
+        confidence=sight.confidence[row, column],
+        colors=sight.color[row, column],
+        cells=cells,
+        card=card,
+    )
+
+
+def _inspect_at(pattern: ColorGrid, picture: Image, halvings: int) -> GridSight:
+    """One look at the picture, halved so many times."""
+    scale = 2**halvings
+    h, w = picture.shape[0] // scale, picture.shape[1] // scale
+    small = picture[: h * scale, : w * scale]
+    if halvings:
+        small = np.asarray(cv2.resize(small, (w, h), interpolation=cv2.INTER_AREA))
+    small = _eight_bits(small)
+    blocks = find_blocks(small)
+    links = link_blocks(blocks)
+    label, margin = separate_colors(blocks.color, links.around, pattern.colors)
+    code = Code(pattern)
+    place = place_blocks(code, links, label)
+    nats = surface_evidence(code, links, label, place)
+
+    verdict = np.full(len(blocks), Verdict.DECODED, dtype=np.int64)
+    verdict[~(nats > SIGNIFICANCE)] = Verdict.TOO_FEW
+    verdict[place < 0] = Verdict.NO_PLACE
+    verdict[(links.neighbour < 0).all(axis=1)] = Verdict.ALONE
+    index = np.flatnonzero(verdict == Verdict.DECODED)
+    index = index[np.argsort(nats[index], kind="stable")]  # of two blocks in one place, the surer surface's comes last
+    row, column, _ = code.split(place[index])
+    holder = np.full((code.rows, code.columns), -1)
+    holder[row, column] = index
+    verdict[index[holder[row, column] != index]] = Verdict.DOUBLED
+
+    right = label == code.color(place)
+    holder, joints = _on_surfaces(code, blocks, links, place, right, holder)
+    held = holder >= 0
+    coarse = np.where(held[..., None], (blocks.centre[holder] + 0.5) * scale - 0.5, np.nan)
+    centres = refine_centres(picture, coarse, joints, pattern.block / pattern.pitch)
+    lost = np.setdiff1d(np.flatnonzero(verdict == Verdict.DECODED), holder[np.isfinite(centres.camera_px[..., 0])])
+    verdict[lost] = Verdict.OFF_SURFACE
+    color = np.zeros((code.rows, code.columns, 3), np.uint8)
+    color[held] = np.clip(blocks.color[holder[held]], 0, 255)
+    confidence = np.zeros((code.rows, code.columns))
+    confidence[held] = np.where(right, 0.5 + 0.5 * margin, 0.5 * (1 - margin))[holder[held]]
+    return GridSight(
+        pattern=pattern,
+        picture=picture,
+        halvings=halvings,
+        blocks=blocks,
+        links=links,
+        label=label,
+        place=place,
+        verdict=verdict,
+        holder=holder,
+        centre_px=centres.camera_px,
+        sigma_px=centres.sigma_px,
+        confidence=confidence,
+        color=color,
+    )
+
+
+def _on_surfaces(
+    code: Code, blocks: Blocks, links: Links, place: IntArray, right: BoolArray, holder: IntArray
+) -> tuple[IntArray, Joints]:
+    """`holder` (rows, columns) without the blocks whose size or distance from their neighbours is not their surface's."""
+    joints = Joints(np.zeros((code.rows, code.columns - 1), bool), np.zeros((code.rows - 1, code.columns), bool))
+    if not (holder >= 0).any():
+        return holder, joints
+    area = 12 * np.sqrt(np.maximum(np.linalg.det(blocks.shape), 0.0))
+    for _ in range(2):
+        held = holder >= 0
+        position = np.where(held[..., None], blocks.centre[holder], np.nan)
+        joints = sound_joints(position, joined_places(links, place, holder))
+        keep = held & in_squares(joints) & whole_blocks(np.where(held, area[holder], np.nan), position, joints)
+        keep &= patch_evidence(code, joints, keep, right[holder]) > SIGNIFICANCE
+        holder = np.where(keep, holder, NONE)
+    return holder, joints.between(holder >= 0)
+
+
+def _decoded(sight: GridSight) -> int:
+    return int(np.isfinite(sight.centre_px[..., 0]).sum())
+
+
+def _scene_light(image: Image, black: Image | None, white: Image | None) -> Image:
+    """The picture as RGB, without the room's light and without paint, as far as those are known."""
+    picture = _rgb(image, "image")
+    if black is not None:
+        dark = _rgb(black, "black")
+        _same_size(picture, dark, "black")
+        picture = cast(Image, cv2.subtract(picture, dark))
+    if white is not None:
+        lit = _rgb(white, "white")
+        _same_size(picture, lit, "white")
+        full = lit if black is None else cast(Image, cv2.subtract(lit, _rgb(black, "black")))
+        # Where white light adds next to nothing there is nothing to divide by, and nothing to see.
+        least = 0.04 * float(full.max())
+        picture = np.asarray(cv2.divide(picture, np.maximum(full, np.asarray(max(least, 1), full.dtype)), scale=200.0))
+        picture = np.minimum(picture, 255).astype(np.uint8)
+    return picture
+
+
+def _rgb(image: Image, name: str) -> Image:
+    image = np.asarray(image)
+    if image.dtype not in (np.uint8, np.uint16) or image.ndim not in (2, 3) or image.size == 0:
+        raise InputError(f"{name}: expected a picture (h, w, 3) of uint8 or uint16, found {image.dtype} {image.shape}")
+    if image.ndim == 3 and image.shape[2] == 3:
+        return image
+    if image.ndim == 2 or image.shape[2] == 1:
+        return np.repeat(image.reshape(*image.shape[:2], 1), 3, axis=2)
+    raise InputError(f"{name}: expected three channels (red, green, blue), found {image.shape[2]}")
+
+
+def _same_size(image: Image, other: Image, name: str) -> None:
+    if image.shape != other.shape or image.dtype != other.dtype:
+        raise InputError(f"{name}: expected {image.dtype} {image.shape} as the picture, found {other.dtype} {other.shape}")
+
+
+def _eight_bits(picture: Image) -> NDArray[np.uint8]:
+    if picture.dtype == np.uint8:
+        return picture
+    brightest = max(float(np.percentile(picture[::4, ::4], 99.9)), 1.0)
+    return np.asarray(cv2.convertScaleAbs(picture, alpha=255.0 / brightest), dtype=np.uint8)
+
+
+def _coverage(points: NDArray[np.float64], width: int, height: int) -> float:
+    """Share of the picture inside the convex hull of the points."""
+    if len(points) < 3:
+        return 0.0
+    hull = cv2.convexHull(points.astype(np.float32))
+    return float(cv2.contourArea(hull)) / (width * height)

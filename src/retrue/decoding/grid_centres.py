@@ -1,0 +1,180 @@
+"""The image of each block's centre, to a small part of a pixel."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import cast
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from retrue.decoding.grid_surface import Joints, agreement, slopes
+from retrue.geometry.arrays import FloatArray, Image
+
+LINES = 9  # profiles side by side, over the middle of the block
+SPREAD = 0.8  # of a block's side that the lines cover
+REACH = 0.5  # pitches that a profile reaches to either side: to the middle of the gaps
+SAMPLES = 21  # along a profile
+BLUR = 1.0  # px, standard deviation of a typical edge; the fit hardly depends on it
+BLURS = np.geomspace(0.02, 0.4, 25)  # in pitches: one filter each
+SIDE_SAMPLES = 9  # across one side
+SIDE_WINDOW = 0.88  # of half a gap: how far those reach from the side
+CHANNEL_TRUST = np.array([1.0, 2.0, 1.0], np.float32)  # green is sampled twice as densely, and never subsampled
+ROUNDS = 2
+FARTHEST = 0.3  # of a pitch that a centre may lie off the middle of its blob
+STRAIGHT = 4.0  # sigmas by which lines through one block may differ on a smooth surface
+DISAGREEMENT = 0.1  # of a pitch between two ways to measure: more, and the block is cut
+
+Samples = NDArray[np.float32]
+_Offset = Callable[[Image, Samples, FloatArray, FloatArray, FloatArray, float], FloatArray]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Centres:
+    """Of every cell of the code, (rows, columns, ...); NaN where there is none.
+
+    Attributes
+    ----------
+    camera_px : (rows, columns, 2) the image of the centre.
+    sigma_px : (rows, columns) standard deviation per axis.
+    """
+
+    camera_px: FloatArray
+    sigma_px: FloatArray
+
+
+def refine_centres(image: Image, coarse: FloatArray, joints: Joints, duty: float) -> Centres:
+    """Centres (rows, columns, 2) from the profiles of the blocks, starting from `coarse` (NaN: no block).
+
+    A profile across a block gives the middle of its two sides, however blurred: the centre, in affine
+    approximation. Perspective bends the scale, x(u) = x0 + a u + b u^2 / 2 in grid units, so the middle of
+    u = -h and u = +h lies b h^2 / 2 off x0; b comes from the neighbours. `duty` is block over pitch.
+
+    A print on the surface disturbs whole profiles more than it disturbs the sides alone. So blocks that do
+    not fit in with their neighbours are measured again by their sides; what still does not fit is where its
+    neighbours say, if those agree, and gone if nothing agrees.
+    """
+    right, down, bend = slopes(coarse, joints)
+    known = np.isfinite(coarse[..., 0] + right[..., 0] + down[..., 0])
+    if not known.any():
+        return Centres(np.full_like(coarse, np.nan), np.full(coarse.shape[:2], np.nan))
+    pitch = np.minimum(np.linalg.norm(right, axis=-1), np.linalg.norm(down, axis=-1))
+    shift = 0.5 * (duty / 2) ** 2 * bend
+
+    fitted = np.full_like(coarse, np.nan)
+    fitted[known] = _measure(image, (coarse + shift)[known], right[known], down[known], duty, _profile_offset)
+    fitted -= shift
+    fitted[~(np.linalg.norm(fitted - coarse, axis=-1) < FARTHEST * pitch)] = np.nan
+    first = agreement(fitted, joints)
+
+    again = known & (first.odd | ~np.isfinite(fitted[..., 0]))
+    by_sides = fitted.copy()
+    by_sides[again] = (
+        _measure(image, (coarse + shift)[again], right[again], down[again], duty, _side_offset) - shift[again]
+    )
+    by_sides[~(np.linalg.norm(by_sides - coarse, axis=-1) < FARTHEST * pitch)] = np.nan
+    second = agreement(by_sides, joints)
+
+    lost = ~np.isfinite(by_sides[..., 0])
+    unsure = again & (second.odd | lost | ~np.isfinite(fitted[..., 0]))
+    between = np.linalg.norm(by_sides - fitted, axis=-1)
+    straight = np.isfinite(second.expected[..., 0]) & (second.spread < STRAIGHT * first.sigma)
+    position = np.where((unsure & straight)[..., None], second.expected, by_sides)
+    position[unsure & ~straight & ~(between < DISAGREEMENT * pitch)] = np.nan
+    sigma = np.hypot(first.sigma, np.where(unsure, np.where(straight, second.spread, between), 0.0))
+    sigma[~np.isfinite(position[..., 0])] = np.nan
+    return Centres(position, sigma)
+
+
+def _measure(image: Image, p: FloatArray, u: FloatArray, v: FloatArray, duty: float, offset: _Offset) -> FloatArray:
+    """Centres (N, 2), from starts p and grid steps u, v (N, 2), by repeated offsets along both."""
+    if len(p) == 0:
+        return p
+    weights = _color_weights(image, p, u, v)
+    for _ in range(ROUNDS):
+        along_u = offset(image, weights, p, u, v, duty)
+        along_v = offset(image, weights, p, v, u, duty)
+        p = p + along_u[:, None] * u + along_v[:, None] * v
+    return p
+
+
+def _color_weights(image: Image, p: FloatArray, u: FloatArray, v: FloatArray) -> Samples:
+    """Weights (N, 3) that make one number of a colour: most where block and gaps differ most."""
+    seen = _sample(image, np.stack([p, p + u / 2, p - u / 2, p + v / 2, p - v / 2], axis=1))
+    added = np.maximum(seen[:, 0] - seen[:, 1:].min(axis=1), 0) * CHANNEL_TRUST
+    return added / np.maximum(added.sum(axis=1, keepdims=True), 1e-6)
+
+
+def _profile_offset(
+    image: Image, weights: Samples, p: FloatArray, u: FloatArray, v: FloatArray, duty: float
+) -> FloatArray:
+    """How far along u, in pitches, the block's middle is from p: least squares of its whole profile.
+
+    The profile is A B(t - d) + A1 B(t - 1) + A2 B(t + 1) + C: the block, its two neighbours' blur, the gap. To first
+    order in d that is linear, so A and A d are two fixed filters of the profile.
+    """
+    t = np.linspace(-REACH, REACH, SAMPLES)
+    profile = _profiles(image, weights, p, u, v, t, duty)
+    height_filters, shift_filters = _filters(t, duty)
+    blur = BLUR / np.maximum(np.linalg.norm(u, axis=-1), 1e-6)
+    nearest = np.abs(np.log(BLURS) - np.log(blur)[:, None]).argmin(axis=1)
+    height = np.einsum("nt,nt->n", height_filters[nearest], profile)
+    shift = np.einsum("nt,nt->n", shift_filters[nearest], profile)
+    return np.clip(shift / np.maximum(height, 1e-6), -0.15, 0.15)
+
+
+def _filters(t: FloatArray, duty: float) -> tuple[FloatArray, FloatArray]:
+    """For each of BLURS, the filters (len(BLURS), len(t)) that give A and A d of a profile."""
+    from scipy.special import ndtr
+
+    heights: list[FloatArray] = []
+    shifts: list[FloatArray] = []
+    for blur in BLURS:
+
+        def block(x: FloatArray, blur: float = blur) -> FloatArray:
+            return ndtr((x + duty / 2) / blur) - ndtr((x - duty / 2) / blur)
+
+        step = 1e-4
+        slope = (block(t - step) - block(t + step)) / (2 * step)
+        terms = np.stack([block(t), slope, block(t - 1), block(t + 1), np.ones_like(t)], axis=-1)
+        inverse = np.linalg.pinv(terms)
+        heights.append(inverse[0])
+        shifts.append(inverse[1])
+    return np.stack(heights), np.stack(shifts)
+
+
+def _side_offset(
+    image: Image, weights: Samples, p: FloatArray, u: FloatArray, v: FloatArray, duty: float
+) -> FloatArray:
+    """The same from the two sides alone: a print elsewhere on the block does not matter.
+
+    Each side is where the area under its profile says: with levels taken at the ends of a window about the side, it is
+    off the middle of the window by (mean height - 1/2) of the window's length.
+    """
+    window = SIDE_WINDOW * min(1 - duty, duty) / 2
+    t = np.linspace(-window, window, SIDE_SAMPLES)
+    across = np.concatenate([duty / 2 + t, -(duty / 2 + t)])
+    profile = _profiles(image, weights, p, u, v, across, duty).reshape(len(p), 2, SIDE_SAMPLES)
+    inside, outside = profile[..., 0], profile[..., -1]
+    height = (profile.mean(axis=-1) - outside) / np.maximum(inside - outside, 1e-6)
+    edge = (np.clip(height, 0.0, 1.0) - 0.5) * 2 * window
+    return (edge[:, 0] - edge[:, 1]) / 2
+
+
+def _profiles(
+    image: Image, weights: Samples, p: FloatArray, u: FloatArray, v: FloatArray, t: FloatArray, duty: float
+) -> FloatArray:
+    """(N, len(t)) mean over lines parallel to u, `t` in pitches along u from p."""
+    s = np.linspace(-0.5, 0.5, LINES) * duty * SPREAD
+    along, beside = t[:, None, None] * u[:, None, None], s[:, None] * v[:, None, None]
+    seen = _sample(image, p[:, None, None] + along + beside).mean(axis=2)
+    return np.einsum("ntc,nc->nt", seen, weights).astype(np.float64)
+
+
+def _sample(image: Image, at: FloatArray) -> Samples:
+    """`image` at points (N, ..., 2), interpolated: (N, ..., 3)."""
+    maps = at.reshape(len(at), -1, 2).astype(np.float32)
+    seen = cv2.remap(image, maps[..., 0], maps[..., 1], cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
+    return cast(Samples, np.asarray(seen, dtype=np.float32).reshape(*at.shape[:-1], 3))

@@ -1,0 +1,67 @@
+"""Which colour each block has, from what the picture itself shows of them."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from retrue.geometry.arrays import FloatArray, IntArray
+
+DISPLAY_GAMMA = 2.2
+PURE_SHARE = 0.06  # of the blocks, the purest red ones (green, blue) that show what red light looks like
+ROUNDS = 4
+
+
+def separate_colors(added: FloatArray, around: IntArray, palette: ArrayLike) -> tuple[IntArray, FloatArray]:
+    """Colour index (N,) and its margin (N,) in 0 .. 1 of each block, of light `added` (N, 3) to its surroundings.
+
+    Projector and camera mix the channels alike everywhere, paint and vignetting scale them from place to
+    place: the first is undone once for the picture, by the purest red, green and blue blocks in it, the
+    second block by block, by the brightest of each channel among its neighbours. The clusters then move
+    to where the picture has them.
+    """
+    palette = np.asarray(palette, dtype=np.float64) / 255.0
+    light = unmix(np.maximum(added, 0.0), palette)
+    members = np.where(around >= 0, around, np.arange(len(light))[:, None])
+    level = light[members].max(axis=1)
+    level = np.maximum(level, 0.15 * level.max(axis=1, keepdims=True))
+    seen = light / np.maximum(level, 1e-9)
+    centres = palette / np.maximum(palette.max(axis=0), 1e-9)
+    for _ in range(ROUNDS):
+        label, margin = _nearest(seen, centres)
+        sure = margin > 0.2
+        counts = np.bincount(label[sure], minlength=len(centres))
+        moved = np.stack(
+            [np.bincount(label[sure], seen[sure, c], minlength=len(centres)) for c in range(3)], axis=-1
+        ) / np.maximum(counts, 1)[:, None]
+        centres = np.where((counts >= 8)[:, None], moved, centres)
+    return _nearest(seen, centres)
+
+
+def unmix(light: FloatArray, palette: FloatArray) -> FloatArray:
+    """`light` (N, 3) in amounts of the projector's own red, green and blue.
+
+    The chroma of all mixtures lies in the triangle of the three pure ones, so its corners are what red,
+    green and blue look like. Needs the three in the palette; otherwise the channels stay as they are.
+    """
+    total = light.sum(axis=1)
+    usable = total > 0
+    scale = np.percentile(light[usable], 95, axis=0) if usable.any() else np.ones(3)
+    scaled = light / np.maximum(scale, 1e-9)
+    pure = [np.any((palette[:, c] > 0.5) & (np.delete(palette, c, axis=1) < 0.1).all(axis=1)) for c in range(3)]
+    if usable.sum() < 30 or not all(pure):
+        return scaled
+    chroma = scaled[usable] / scaled[usable].sum(axis=1, keepdims=True)
+    count = max(3, int(PURE_SHARE * len(chroma)))
+    corners = np.stack(
+        [np.median(chroma[np.argpartition(chroma[:, c], -count)[-count:]], axis=0) for c in range(3)], axis=-1
+    )
+    if not (np.linalg.det(corners) > 0.05):
+        return scaled
+    return np.maximum(scaled @ np.linalg.inv(corners).T, 0.0)
+
+
+def _nearest(seen: FloatArray, centres: FloatArray) -> tuple[IntArray, FloatArray]:
+    distance = np.linalg.norm(seen[:, None] - centres, axis=-1)
+    order = np.partition(distance, 1, axis=1)
+    return np.argmin(distance, axis=1), (order[:, 1] - order[:, 0]) / np.maximum(order[:, 1] + order[:, 0], 1e-9)

@@ -1,0 +1,129 @@
+"""Which block is whose neighbour: a grid without global directions, as perspective and depth edges leave it."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from retrue.decoding.grid_blocks import Blocks
+from retrue.geometry.arrays import FloatArray, IntArray
+
+CANDIDATES = 8  # nearest blobs that may be one of the four neighbours, or one of the four diagonal ones
+SIZE_RATIO = 2.2  # between the areas of neighbours
+SHAPE_RATIO = 2.5  # between the spacings that neighbours measure, each in its own shape
+OFF_AXIS = np.radians(24)
+NONE = -1
+
+
+class Links:
+    """Four neighbours of each block, counter-clockwise in a frame of the block's own.
+
+    Attributes
+    ----------
+    neighbour : (N, 4) index of the neighbour in direction k, or -1; k and k + 2 are opposite.
+    turn : (N, 4) quarter turns to add to a direction of this block to get the same one of the neighbour.
+    around : (N, 9) the 3x3 window about each block in its own frame, row by row, or -1.
+    around_turn : (N, 9) quarter turns to the frame of each of them.
+    """
+
+    __slots__ = ("around", "around_turn", "neighbour", "turn")
+
+    def __init__(self, neighbour: IntArray, turn: IntArray) -> None:
+        self.neighbour, self.turn = neighbour, turn
+        self.around, self.around_turn = _windows(neighbour, turn)
+
+
+def link_blocks(blocks: Blocks) -> Links:
+    """Neighbours along the two directions of the blocks' own sides.
+
+    The second moments M of a blob tell the parallelogram that perspective made of the square: in the
+    frame M^-1/2 the block is a square again and its neighbours lie at right angles, at equal distances,
+    however steep the surface. What is left is a rotation, and that is the fourfold mean of the directions
+    to the neighbours. Only mutual links stay.
+    """
+    from scipy.spatial import cKDTree
+
+    count = len(blocks)
+    if count < 9:
+        return Links(np.full((count, 4), NONE), np.zeros((count, 4), np.int64))
+    distance, near = cKDTree(blocks.centre).query(blocks.centre, k=min(CANDIDATES + 1, count))
+    near = near[:, 1:]
+    whiten = _inverse_roots(blocks.shape)
+    offset = blocks.centre[near] - blocks.centre[:, None]
+    step = np.einsum("nij,nkj->nki", whiten, offset)
+    # The same step as the other end sees it: where the two disagree, they are not blocks of one surface.
+    back = np.einsum("nkij,nkj->nki", whiten[near], offset)
+    length = np.linalg.norm(step, axis=-1)
+    back_length = np.linalg.norm(back, axis=-1)
+    area = np.sqrt(np.maximum(np.linalg.det(blocks.shape), 1e-9))
+    ratio = area[near] / area[:, None]
+    similar = (ratio < SIZE_RATIO) & (ratio > 1 / SIZE_RATIO)
+    similar &= (back_length < SHAPE_RATIO * length) & (length < SHAPE_RATIO * back_length)
+
+    angle = np.arctan2(step[..., 1], step[..., 0])
+    shortest = np.min(np.where(similar, length, np.inf), axis=1, keepdims=True)
+    axial = similar & (length < 1.25 * shortest)
+    mean = np.sum(np.where(axial, np.exp(4j * angle), 0), axis=1)
+    frame = np.angle(mean) / 4  # direction 0, in the whitened frame, in [-45, 45) degrees
+    relative = angle - frame[:, None]
+    direction = np.round(relative / (np.pi / 2)).astype(np.int64)
+    off = np.abs(relative - direction * (np.pi / 2))
+    cost = np.where(similar & (off < OFF_AXIS) & (length < 1.6 * shortest), length, np.inf)
+    direction %= 4
+
+    neighbour = np.full((count, 4), NONE)
+    for k in range(4):
+        of_k = np.where(direction == k, cost, np.inf)
+        best = np.argmin(of_k, axis=1)
+        rows = np.arange(count)
+        neighbour[:, k] = np.where(np.isfinite(of_k[rows, best]), near[rows, best], NONE)
+    return Links(*_mutual(neighbour))
+
+
+def _mutual(neighbour: IntArray) -> tuple[IntArray, IntArray]:
+    """Links that both ends see, and the quarter turns between the frames of the ends."""
+    me = np.arange(len(neighbour))[:, None]
+    back = neighbour[neighbour]  # (N, 4, 4): the neighbours of each neighbour
+    is_me = back == me[..., None]
+    mutual = (neighbour >= 0) & is_me.any(axis=-1)
+    seen_from = np.argmax(is_me, axis=-1)  # direction in which the neighbour sees me
+    turn = (seen_from + 2 - np.arange(4)) % 4
+    return np.where(mutual, neighbour, NONE), np.where(mutual, turn, 0)
+
+
+def _windows(neighbour: IntArray, turn: IntArray) -> tuple[IntArray, IntArray]:
+    """(N, 9) the blocks about each block and their turns, row by row; directions 0 1 2 3 are right, down, left, up.
+
+    A diagonal block is reached over either side neighbour; where both ways exist they must agree.
+    """
+    count = len(neighbour)
+    around = np.full((count, 9), NONE)
+    turns = np.zeros((count, 9), np.int64)
+    around[:, 4] = np.arange(count)
+    for k, cell in enumerate((5, 7, 3, 1)):
+        around[:, cell], turns[:, cell] = neighbour[:, k], turn[:, k]
+    for k, cell in enumerate((8, 6, 0, 2)):
+        first, first_turn = _two_steps(neighbour, turn, k, (k + 1) % 4)
+        second, second_turn = _two_steps(neighbour, turn, (k + 1) % 4, k)
+        clash = (first >= 0) & (second >= 0) & ((first != second) | (first_turn != second_turn))
+        use_first = first >= 0
+        around[:, cell] = np.where(clash, NONE, np.where(use_first, first, second))
+        turns[:, cell] = np.where(use_first, first_turn, second_turn)
+    return around, turns
+
+
+def _two_steps(neighbour: IntArray, turn: IntArray, k: int, then: int) -> tuple[IntArray, IntArray]:
+    one, one_turn = neighbour[:, k], turn[:, k]
+    direction = (then + one_turn) % 4
+    two = np.where(one >= 0, neighbour[one, direction], NONE)
+    return two, (one_turn + np.where(one >= 0, turn[one, direction], 0)) % 4
+
+
+def _inverse_roots(shape: FloatArray) -> FloatArray:
+    """M^-1/2 of symmetric positive (N, 2, 2), in closed form."""
+    a, b, c = shape[:, 0, 0], shape[:, 0, 1], shape[:, 1, 1]
+    root = np.sqrt(np.maximum(a * c - b * b, 1e-9))
+    scale = 1 / (root * np.sqrt(a + c + 2 * root))
+    inverse = np.empty_like(shape)
+    inverse[:, 0, 0], inverse[:, 1, 1] = (c + root) * scale, (a + root) * scale
+    inverse[:, 0, 1] = inverse[:, 1, 0] = -b * scale
+    return inverse

@@ -1,0 +1,176 @@
+"""What neighbours on one surface say about each other: slopes, bends, and blocks that do not fit in."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from retrue.geometry.arrays import BoolArray, FloatArray
+
+CREASE = 0.1  # change of the pitch from one block to the next that no smooth surface shows
+OUTLIER_SIGMAS = 5.0
+LEAST_SIGMA = 0.02  # px
+STEP_CHANGE = 0.25  # of a step, to the most similar step beside it or before or after it, on one surface
+SIZE_CHANGE = 1.6  # of a block's area, to what the steps to its neighbours make it
+DIRECTIONS = ((0, 1), (1, 0), (1, 1), (1, -1))
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Joints:
+    """Which blocks of the grid are linked: each to the next of its row (rows, columns - 1), of its column (rows - 1, columns)."""
+
+    right: BoolArray
+    down: BoolArray
+
+    def between(self, held: BoolArray) -> Joints:
+        """Only the joints with a held block at both ends."""
+        return Joints(self.right & held[:, :-1] & held[:, 1:], self.down & held[:-1] & held[1:])
+
+    def step(self, direction: tuple[int, int]) -> BoolArray:
+        """(rows, columns) whether a block is linked to the one in `direction` (down, right), at an angle over a corner."""
+        right = np.pad(self.right, ((0, 0), (0, 1)))
+        down = np.pad(self.down, ((0, 1), (0, 0)))
+        if direction == (0, 1):
+            return right
+        if direction == (1, 0):
+            return down
+        if direction == (1, 1):
+            return (right & shifted(down, (0, 1), False)) | (down & shifted(right, (1, 0), False))
+        left = shifted(right, (0, -1), False)
+        return (left & shifted(down, (0, -1), False)) | (down & shifted(left, (1, 0), False))
+
+
+def shifted(grid: FloatArray | BoolArray, step: tuple[int, int], fill: float) -> FloatArray | BoolArray:
+    """`grid` (rows, columns, ...) as seen from one `step` (down, right) away: result[r, c] = grid[r + down, c + right]."""
+    result = np.full_like(grid, fill)
+    rows, columns = grid.shape[:2]
+    down, right = step
+    target = slice(max(0, -down), rows - max(0, down)), slice(max(0, -right), columns - max(0, right))
+    source = slice(max(0, down), rows + min(0, down)), slice(max(0, right), columns + min(0, right))
+    result[target] = grid[source]
+    return result
+
+
+def slopes(position: FloatArray, joints: Joints) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """d position / d column, d position / d row, and the sum of both second derivatives, (rows, columns, 2) each.
+
+    One-sided at the ends of a surface; where a block has no neighbour in a direction, as its other neighbours have it.
+    """
+    right, right_bend = _derivative(position, joints, (0, 1))
+    down, down_bend = _derivative(position, joints, (1, 0))
+    return _borrowed(right, joints), _borrowed(down, joints), right_bend + down_bend
+
+
+def sound_joints(position: FloatArray, joints: Joints) -> Joints:
+    """The joints whose step is like another one: of the next row or column, or before or after it in its own.
+
+    Where a surface hides part of another, blocks that are no neighbours stand side by side, and at a distance of
+    their own.
+    """
+    return Joints(
+        _like_another(position, joints.step((0, 1)), (0, 1))[:, :-1],
+        _like_another(position, joints.step((1, 0)), (1, 0))[:-1],
+    )
+
+
+def in_squares(joints: Joints) -> BoolArray:
+    """(rows, columns) blocks that are part of a square of four in which three or all joints hold."""
+    right, down = joints.right.astype(int), joints.down.astype(int)
+    square = right[:-1] + right[1:] + down[:, :-1] + down[:, 1:] >= 3
+    padded = np.pad(square, 1)
+    return padded[:-1, :-1] | padded[:-1, 1:] | padded[1:, :-1] | padded[1:, 1:]
+
+
+def whole_blocks(area: FloatArray, position: FloatArray, joints: Joints) -> BoolArray:
+    """(rows, columns) blocks whose `area` goes with the steps to their neighbours as it does all over the picture."""
+    right, down, _ = slopes(position, joints)
+    cell = np.abs(right[..., 0] * down[..., 1] - right[..., 1] * down[..., 0])
+    with np.errstate(divide="ignore", invalid="ignore"):
+        share = area / cell
+    known = np.isfinite(share)
+    if not known.any():
+        return known
+    usual = np.median(share[known])
+    return known & (share < SIZE_CHANGE * usual) & (share > usual / SIZE_CHANGE)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Agreement:
+    """How each block fits in with its neighbours.
+
+    Attributes
+    ----------
+    odd : (rows, columns) blocks that fit in no line of three, in none of the four directions.
+    expected : (rows, columns, 2) where the lines of three that hold no odd block say it is; NaN: nowhere.
+    spread : (rows, columns) largest distance between those lines.
+    sigma : noise of one coordinate, of the whole picture.
+    """
+
+    odd: BoolArray
+    expected: FloatArray
+    spread: FloatArray
+    sigma: float
+
+
+def agreement(position: FloatArray, joints: Joints) -> Agreement:
+    """Compare each block with the middle of its two neighbours, along the row, the column and both diagonals.
+
+    A crease or the edge of a surface leaves at least one of these lines straight; a block that is off all of
+    them is off the surface, or was measured badly.
+    """
+    middles = np.stack([_middle(position, joints, direction) for direction in DIRECTIONS])
+    off = position - middles
+    distance = np.linalg.norm(off, axis=-1)
+    known = np.isfinite(distance)
+    sample = np.abs(off[known])
+    sigma = max(float(np.median(sample)) / (0.6745 * 1.5**0.5), LEAST_SIGMA) if len(sample) else LEAST_SIGMA
+    closest = np.min(np.where(known, distance, np.inf), axis=0)
+    odd = np.isfinite(closest) & (closest > OUTLIER_SIGMAS * sigma)
+    clean = np.where(odd[..., None], np.nan, position)
+    lines = np.stack([_middle(clean, joints, direction) for direction in DIRECTIONS])
+    count = np.isfinite(lines[..., 0]).sum(axis=0)
+    expected = np.nansum(lines, axis=0) / np.where(count > 0, count, np.nan)[..., None]
+    spread = np.max(np.nan_to_num(np.linalg.norm(lines - expected, axis=-1)), axis=0)
+    expected[count < 2] = np.nan
+    return Agreement(odd, expected, spread, sigma)
+
+
+def _like_another(position: FloatArray, linked: BoolArray, direction: tuple[int, int]) -> BoolArray:
+    step = np.where(linked[..., None], shifted(position, direction, np.nan) - position, np.nan)
+    others = [shifted(step, other, np.nan) for other in ((0, 1), (0, -1), (1, 0), (-1, 0))]
+    change = np.stack([np.linalg.norm(step - other, axis=-1) for other in others])
+    nearest = np.min(np.where(np.isfinite(change), change, np.inf), axis=0)
+    return linked & (nearest < STEP_CHANGE * np.linalg.norm(step, axis=-1))
+
+
+def _derivative(position: FloatArray, joints: Joints, direction: tuple[int, int]) -> tuple[FloatArray, FloatArray]:
+    back = (-direction[0], -direction[1])
+    step = np.where(joints.step(direction)[..., None], shifted(position, direction, np.nan) - position, np.nan)
+    before = shifted(step, back, np.nan)
+    both = np.isfinite(step + before)
+    slope = np.where(both, (step + before) / 2, np.where(np.isfinite(step), step, before))
+    bend = np.where(both, step - before, 0.0)
+    sharp = ~(np.linalg.norm(bend, axis=-1) < CREASE * np.linalg.norm(slope, axis=-1))
+    return slope, np.where(sharp[..., None], 0.0, bend)
+
+
+def _borrowed(slope: FloatArray, joints: Joints) -> FloatArray:
+    total, count = np.zeros_like(slope), np.zeros_like(slope)
+    for direction in ((0, 1), (1, 0)):
+        linked = joints.step(direction)
+        ahead = np.where(linked[..., None], shifted(slope, direction, np.nan), np.nan)
+        back = (-direction[0], -direction[1])
+        behind = np.where(shifted(linked, back, False)[..., None], shifted(slope, back, np.nan), np.nan)
+        for side in (ahead, behind):
+            total += np.nan_to_num(side)
+            count += np.isfinite(side)
+    return np.where(np.isfinite(slope), slope, total / np.where(count > 0, count, np.nan))
+
+
+def _middle(position: FloatArray, joints: Joints, direction: tuple[int, int]) -> FloatArray:
+    back = (-direction[0], -direction[1])
+    linked = joints.step(direction)
+    both = linked & shifted(linked, back, False)
+    middle = (shifted(position, direction, np.nan) + shifted(position, back, np.nan)) / 2
+    return np.where(both[..., None], middle, np.nan)

@@ -1,0 +1,195 @@
+"""Where in the code each block stands: every 3x3 window looked up, all windows voting, links that must agree."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from retrue.decoding.grid_links import NONE, Links
+from retrue.decoding.grid_surface import Joints
+from retrue.geometry.arrays import BoolArray, FloatArray, IntArray
+from retrue.patterns.color_grid import ColorGrid
+
+EXACT_VOTE, CORRECTED_VOTE = 3, 1
+SIGNIFICANCE = 14.0  # nats by which a surface must beat chance, over all places that the code offers
+OFFSETS = np.array([(r, c) for r in (-1, 0, 1) for c in (-1, 0, 1)])  # the cells of a window, row by row
+
+
+class Code:
+    """The code of a grid, and its windows in all four rotations, to look up.
+
+    A place is one number, (row * columns + column) * 4 + rotation: where a block stands, and by how many
+    quarter turns its own frame is rotated against the code's.
+    """
+
+    def __init__(self, pattern: ColorGrid) -> None:
+        self.cells = np.asarray(pattern.code, dtype=np.int64)
+        self.base = len(pattern.colors)
+        self.rows, self.columns = self.cells.shape
+        inner = np.argwhere(np.ones((self.rows - 2, self.columns - 2), dtype=bool)) + 1
+        places, windows = [], []
+        for rotation in range(4):
+            at = inner[:, None] + rotated(OFFSETS, np.array(rotation))
+            windows.append(self.cells[at[..., 0], at[..., 1]])
+            places.append((inner[:, 0] * self.columns + inner[:, 1]) * 4 + rotation)
+        self.windows, self.places = np.concatenate(windows), np.concatenate(places)
+
+    def split(self, place: IntArray) -> tuple[IntArray, IntArray, IntArray]:
+        """Row, column and rotation of places."""
+        return place // (4 * self.columns), place // 4 % self.columns, place % 4
+
+    def moved(self, place: IntArray, offset: IntArray, turn: IntArray) -> IntArray:
+        """Place of the block at `offset` (row, column) in the frame of the block at `place`, or -1 outside."""
+        row, column, rotation = self.split(place)
+        step = rotated(offset, rotation)
+        row, column = row + step[..., 0], column + step[..., 1]
+        inside = (place >= 0) & (row >= 0) & (row < self.rows) & (column >= 0) & (column < self.columns)
+        return np.where(inside, (row * self.columns + column) * 4 + (rotation - turn) % 4, NONE)
+
+    def color(self, place: IntArray) -> IntArray:
+        """Colour index that the code has at each place; -1 for none."""
+        row, column, _ = self.split(np.maximum(place, 0))
+        return np.where(place >= 0, self.cells[row, column], NONE)
+
+    def find(self, seen: IntArray, without: int | None = None) -> IntArray:
+        """Place of each window (N, 9) of colour indices, one cell left out if asked; -1 where none or several fit."""
+        weight = self.base ** np.arange(9)
+        if without is not None:
+            weight[without] = 0
+        keys = self.windows @ weight
+        order = np.argsort(keys, kind="stable")
+        keys = keys[order]
+        wanted = seen @ weight
+        first = np.searchsorted(keys, wanted)
+        found = keys[np.minimum(first, len(keys) - 1)] == wanted
+        only = keys[np.minimum(first + 1, len(keys) - 1)] != wanted
+        only |= first + 1 >= len(keys)
+        complete = (np.delete(seen, without, axis=1) if without is not None else seen).min(axis=1) >= 0
+        return np.where(found & only & complete, self.places[order[np.minimum(first, len(keys) - 1)]], NONE)
+
+
+def rotated(offset: IntArray, quarter_turns: IntArray) -> IntArray:
+    """(row, column) offsets, turned so that right becomes down at one quarter turn."""
+    r, c = np.broadcast_arrays(offset[..., 0], quarter_turns)[0], offset[..., 1]
+    q = quarter_turns % 4
+    row = np.choose(q, [r, c, -r, -c])
+    column = np.choose(q, [c, -r, -c, r])
+    return np.stack([row, column], axis=-1)
+
+
+def place_blocks(code: Code, links: Links, label: IntArray) -> IntArray:
+    """Place (N,) of each block or -1: by votes of the windows that hold it, then from agreeing neighbours."""
+    members = links.around
+    seen = np.where(members >= 0, label[members], NONE)
+    exact = code.find(seen)
+    voters = [(exact, EXACT_VOTE)]
+    open_rows = np.flatnonzero((exact < 0) & ((seen >= 0).sum(axis=1) >= 8))
+    for cell in range(9):
+        corrected = np.full(len(seen), NONE)
+        corrected[open_rows] = code.find(seen[open_rows], without=cell)
+        voters.append((corrected, CORRECTED_VOTE))
+    place = _vote(code, links, voters)
+    for _ in range(4):
+        place = _drop_disputed(code, links, place)
+        grown = _grow(code, links, label, place)
+        if np.array_equal(grown, place):
+            break
+        place = grown
+    return _drop_disputed(code, links, place)
+
+
+def agreeing_links(code: Code, links: Links, place: IntArray) -> tuple[BoolArray, BoolArray]:
+    """(N, 9) which members of each window stand where the centre says, and which stand elsewhere."""
+    expected = code.moved(place[:, None], OFFSETS, links.around_turn)
+    there = np.where(links.around >= 0, place[links.around], NONE)
+    known = (place[:, None] >= 0) & (there >= 0)
+    known[:, 4] = False
+    return known & (expected == there), known & (expected != there)
+
+
+def surface_evidence(code: Code, links: Links, label: IntArray, place: IntArray) -> FloatArray:
+    """By how many nats the surface of each block (N,) matches the code beyond chance; surfaces are held by agreeing links."""
+    agree, _ = agreeing_links(code, links, place)
+    row, cell = np.nonzero(agree)
+    return _evidence(code, row, links.around[row, cell], place >= 0, code.color(place) == label)
+
+
+def patch_evidence(code: Code, joints: Joints, held: BoolArray, right: BoolArray) -> FloatArray:
+    """The same (rows, columns), of places that are `held` and of the `right` colour, linked by joints."""
+    index = np.arange(held.size).reshape(held.shape)
+    start = np.concatenate([index[:, :-1][joints.right], index[:-1][joints.down]])
+    end = np.concatenate([index[:, 1:][joints.right], index[1:][joints.down]])
+    return _evidence(code, start, end, held.ravel(), (held & right).ravel()).reshape(held.shape)
+
+
+def _evidence(code: Code, start: IntArray, end: IntArray, placed: BoolArray, right: BoolArray) -> FloatArray:
+    """m of n colours right has probability C(n, m) q^m, q of one colour by chance; and a surface could have been laid
+    over any place of the code, starting from any of its blocks."""
+    from scipy.sparse import coo_array
+    from scipy.sparse.csgraph import connected_components
+    from scipy.special import gammaln
+
+    count = len(placed)
+    graph = coo_array((np.ones(len(start), np.int8), (start, end)), shape=(count, count))
+    _, surface = connected_components(graph, directed=False)
+    n, m = np.bincount(surface, placed), np.bincount(surface, placed & right)
+    log_chance = gammaln(n + 1) - gammaln(m + 1) - gammaln(n - m + 1) - m * np.log(max(code.base - 1, 2))
+    log_trials = np.log(len(code.windows)) + np.log(max(int(placed.sum()), 1))
+    return np.where(placed, -(log_chance + log_trials)[surface], -np.inf)
+
+
+def joined_places(links: Links, place: IntArray, holder: IntArray) -> Joints:
+    """Which places of the code, held by blocks, are linked to the next one of their row and of their column."""
+    held = np.maximum(holder, 0)
+    rotation = np.where(holder >= 0, place[held] % 4, 0)
+    right = np.where(holder >= 0, links.neighbour[held, (0 - rotation) % 4], NONE)
+    down = np.where(holder >= 0, links.neighbour[held, (1 - rotation) % 4], NONE)
+    return Joints((right[:, :-1] >= 0) & (right[:, :-1] == holder[:, 1:]), (down[:-1] >= 0) & (down[:-1] == holder[1:]))
+
+
+def _vote(code: Code, links: Links, voters: list[tuple[IntArray, int]]) -> IntArray:
+    blocks: list[IntArray] = []
+    places: list[IntArray] = []
+    weights: list[NDArray[np.int64]] = []
+    for centre, weight in voters:
+        decoded = np.flatnonzero(centre >= 0)
+        target = links.around[decoded]
+        place = code.moved(centre[decoded][:, None], OFFSETS, links.around_turn[decoded])
+        use = (target >= 0) & (place >= 0)
+        blocks.append(target[use])
+        places.append(place[use])
+        weights.append(np.full(int(use.sum()), weight))
+    block, place, weight = np.concatenate(blocks), np.concatenate(places), np.concatenate(weights)
+    return _majority(len(links.around), block, place, weight, least=CORRECTED_VOTE + 1)
+
+
+def _majority(count: int, block: IntArray, place: IntArray, weight: NDArray[np.int64], least: int) -> IntArray:
+    """Place with the most votes of each block, where it has `least` and twice as many as all others together."""
+    result = np.full(count, NONE)
+    if len(block) == 0:
+        return result
+    span = int(place.max()) + 1
+    ballot, inverse = np.unique(block * span + place, return_inverse=True)
+    votes = np.bincount(inverse, weight)
+    owner = ballot // span
+    cast = np.bincount(owner, votes, count)
+    wins = (votes >= least) & (votes > 2 * (cast[owner] - votes))
+    result[owner[wins]] = ballot[wins] % span
+    return result
+
+
+def _drop_disputed(code: Code, links: Links, place: IntArray) -> IntArray:
+    agree, against = agreeing_links(code, links, place)
+    keep = agree.sum(axis=1) > 2 * against.sum(axis=1)
+    return np.where(keep, place, NONE)
+
+
+def _grow(code: Code, links: Links, label: IntArray, place: IntArray) -> IntArray:
+    """Places of blocks without one, as two or more neighbours say and their own colour confirms."""
+    target = links.around
+    said = code.moved(place[:, None], OFFSETS, links.around_turn)
+    use = (target >= 0) & (said >= 0)
+    use &= np.where(use, place[target] < 0, False) & (code.color(said) == np.where(use, label[target], NONE))
+    block, where = target[use], said[use]
+    grown = _majority(len(place), block, where, np.ones(len(block), np.int64), least=2)
+    return np.where(place >= 0, place, grown)

@@ -1,0 +1,168 @@
+"""A picture that a rig takes of a scene, with the exact truth beside it."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from retrue.geometry.arrays import BoolArray, FloatArray, IntArray
+from retrue.rig import Rig
+from retrue.simulation.camera_model import CameraModel, gaussian_blur
+from retrue.simulation.surfaces import Surface
+
+NOTHING = -1
+BAND = 64  # rows that are rendered at a time, to save memory
+SHADOW_GAP = 1e-4  # relative to the distance from the projector
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Scene:
+    """Surfaces, and the room's light on them.
+
+    Attributes
+    ----------
+    surfaces : in the camera frame, in the rig's unit.
+    ambient : red, green, blue of the room's light; 1 is as bright as the projector's white at `bright_at`.
+    bright_at : distance from the projector at which its white has brightness 1; None: no fall-off.
+    """
+
+    surfaces: Sequence[Surface]
+    ambient: tuple[float, float, float] = (0.03, 0.03, 0.03)
+    bright_at: float | None = None
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Rendered:
+    """A picture and, at its pixel centres, the truth.
+
+    Attributes
+    ----------
+    image : (h, w, 3) uint8, red, green, blue.
+    depth : (h, w) Z in the camera frame; NaN where nothing is.
+    projector_px : (h, w, 2) the projector pixel that looks there; NaN where it cannot.
+    visible : (h, w) whether the projector's light gets there.
+    surface : (h, w) index of the surface seen, -1 for none.
+    """
+
+    image: NDArray[np.uint8]
+    depth: FloatArray
+    projector_px: FloatArray
+    visible: BoolArray
+    surface: IntArray
+
+
+def render(
+    rig: Rig,
+    scene: Scene,
+    projected: NDArray[np.uint8],
+    camera_model: CameraModel | None = None,
+    seed: int = 0,
+    supersample: int = 2,
+    projector_blur_px: float = 0.4,
+) -> Rendered:
+    """What the rig's camera sees while its projector shows `projected` (h, w, 3).
+
+    Lambert shading with a mirror lobe for glossy paint, cast shadows, no light from surface to surface. Each
+    pixel is the mean of `supersample` squared rays; the truth is that of its centre.
+    """
+    model = camera_model if camera_model is not None else CameraModel()
+    lamp = gaussian_blur(projected.astype(np.float64) / 255.0, projector_blur_px)
+    width, height = rig.camera.size
+    light = np.zeros((height, width, 3))
+    fractions = (np.arange(supersample) + 0.5) / supersample - 0.5
+    for top in range(0, height, BAND):
+        rows = np.arange(top, min(top + BAND, height))
+        for dy in fractions:
+            for dx in fractions:
+                light[rows] += _look(rig, scene, lamp, _grid(rows + dy, np.arange(width) + dx)).light
+    centres = [_look(rig, scene, lamp, _grid(np.arange(top, min(top + BAND, height)), np.arange(width)))
+               for top in range(0, height, BAND)]
+    return Rendered(
+        image=model.picture(light / supersample**2, seed),
+        depth=np.concatenate([part.depth for part in centres]),
+        projector_px=np.concatenate([part.projector_px for part in centres]),
+        visible=np.concatenate([part.visible for part in centres]),
+        surface=np.concatenate([part.surface for part in centres]),
+    )
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Seen:
+    light: FloatArray
+    depth: FloatArray
+    projector_px: FloatArray
+    visible: BoolArray
+    surface: IntArray
+
+
+def _grid(y: FloatArray | IntArray, x: FloatArray | IntArray) -> FloatArray:
+    return np.stack(np.meshgrid(x, y), axis=-1).astype(np.float64)
+
+
+def _look(rig: Rig, scene: Scene, lamp: FloatArray, pixels: FloatArray) -> _Seen:
+    """Light, and truth, of the rays through camera pixels (h, w, 2)."""
+    shape = pixels.shape[:-1]
+    rays = rig.camera.unproject(pixels).reshape(-1, 2)
+    direction = np.concatenate([rays, np.ones((len(rays), 1))], axis=1)
+    depth, surface, normal = _first_hit(scene, np.zeros(3), direction)
+    hit = np.isfinite(depth)
+    point = np.where(hit, depth, 1.0)[:, None] * direction
+
+    in_projector = rig.projector_from_camera.apply(point)
+    projector_px = rig.projector.project(in_projector)
+    projector_px[~hit] = np.nan
+    source = rig.projector_from_camera.inverse().t
+    beam = point - source
+    distance = np.linalg.norm(beam, axis=-1)
+    cosine = -np.sum(normal * beam, axis=-1) / distance
+    with np.errstate(invalid="ignore"):
+        lit = hit & rig.projector.contains(projector_px) & (cosine > 0)
+    shadow, _, _ = _first_hit(scene, source, beam)
+    lit &= shadow > 1 - SHADOW_GAP
+
+    albedo, gloss = np.zeros((len(rays), 3)), np.zeros(len(rays))
+    for index, item in enumerate(scene.surfaces):
+        here = surface == index
+        albedo[here] = item.paint.albedo(point[here])
+        gloss[here] = item.paint.gloss
+    falloff = 1.0 if scene.bright_at is None else (scene.bright_at / distance) ** 2
+    shown = _bilinear(lamp, np.where(lit[:, None], projector_px, 0.0)) * (lit * falloff)[:, None]
+    mirrored = beam / distance[:, None] + 2 * cosine[:, None] * normal
+    toward = -direction / np.linalg.norm(direction, axis=-1, keepdims=True)
+    lobe = gloss * np.maximum(np.sum(mirrored * toward, axis=-1), 0.0) ** 40
+    light = shown * (albedo * np.maximum(cosine, 0.0)[:, None] + lobe[:, None]) + albedo * np.asarray(scene.ambient)
+    light[~hit] = 0.0
+    return _Seen(
+        light=light.reshape(*shape, 3),
+        depth=np.where(hit, depth, np.nan).reshape(shape),
+        projector_px=projector_px.reshape(*shape, 2),
+        visible=lit.reshape(shape),
+        surface=surface.reshape(shape),
+    )
+
+
+def _first_hit(scene: Scene, origin: FloatArray, direction: FloatArray) -> tuple[FloatArray, IntArray, FloatArray]:
+    nearest = np.full(len(direction), np.inf)
+    index = np.full(len(direction), NOTHING)
+    normal = np.zeros((len(direction), 3))
+    for number, surface in enumerate(scene.surfaces):
+        distance, outward = surface.hit(origin, direction)
+        nearer = distance < nearest
+        nearest = np.where(nearer, distance, nearest)
+        index[nearer] = number
+        normal = np.where(nearer[:, None], outward, normal)
+    return nearest, index, normal
+
+
+def _bilinear(image: FloatArray, at: FloatArray) -> FloatArray:
+    """`image` (h, w, 3) at points (N, 2), (x, y); beyond its border as on it."""
+    h, w = image.shape[:2]
+    x, y = np.clip(at[:, 0], 0, w - 1), np.clip(at[:, 1], 0, h - 1)
+    x0, y0 = np.minimum(x.astype(np.int64), w - 2), np.minimum(y.astype(np.int64), h - 2)
+    fx, fy = (x - x0)[:, None], (y - y0)[:, None]
+    upper = image[y0, x0] * (1 - fx) + image[y0, x0 + 1] * fx
+    lower = image[y0 + 1, x0] * (1 - fx) + image[y0 + 1, x0 + 1] * fx
+    return upper * (1 - fy) + lower * fy
