@@ -55,9 +55,7 @@ def find_blocks(picture: Gray) -> Blocks:
     middle = cv2.addWeighted(top, 0.5, bottom, 0.5, 0)
     contrast = cv2.subtract(top, bottom)
     threshold = max(MIN_CONTRAST, NOISE_SIGMAS * _noise(height))
-    mask = cv2.bitwise_and(
-        cv2.compare(height, middle, cv2.CMP_GT), cv2.compare(contrast, threshold, cv2.CMP_GT)
-    )
+    mask = cv2.bitwise_and(cv2.compare(height, middle, cv2.CMP_GT), cv2.compare(contrast, threshold, cv2.CMP_GT))
     _, labels, stats, centroids = cv2.connectedComponentsWithStats(mask, connectivity=4, ltype=cv2.CV_32S)
     area = stats[:, cv2.CC_STAT_AREA]
     keep = (area >= MIN_AREA) & (area <= MAX_AREA)

@@ -16,9 +16,7 @@ HOPELESS = 2.0  # expected clashes of a random window with all others: above, no
 PATIENCE = 4  # steps of the search, for each cell of the code, before a smaller distance is tried
 
 
-def make_code(
-    rows: int, columns: int, colors: int, seed: int, lonely: int | None = None
-) -> tuple[IntArray, int]:
+def make_code(rows: int, columns: int, colors: int, seed: int, lonely: int | None = None) -> tuple[IntArray, int]:
     """Code (rows, columns) of colour indices, and the least distance of its windows: the largest that can be had.
 
     `lonely` is the colour that never touches itself, not even at a corner.

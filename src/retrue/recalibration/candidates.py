@@ -30,10 +30,10 @@ class Comparison:
     Attributes
     ----------
     rays : the points that the candidates were refined on, with the plane of each.
-    fits : the candidates, the better supported first; a single one where the twins coincide.
-    margin : by how much chi-square of the points off the largest plane, and of all points, prefers the first.
+    fits : the best supported candidate and its strongest rival; a single one where the twins coincide.
+    margin : by how much chi-square of the points off the second's plane, and of all points, prefers the first.
     deviations : the same off the plane in standard deviations of a sum over points that are there by chance.
-    off_plane : number of points off the largest plane.
+    off_plane : number of points off that plane.
     """
 
     rays: Rays
@@ -83,19 +83,26 @@ def compare_candidates(rays: Rays, homographies: list[FloatArray], rng: np.rando
     if not fits:
         raise DegenerateError("pose: no plane determines it; turn the plane, or move it further to the side")
     reference = min(fits, key=lambda fit: float(fit.epipolar_noise.variance.mean()))
-    fits.sort(key=lambda fit: _total(fit, reference))
-    first = fits[0]
-    main = _largest_plane(points)
-    off = points.plane_index != main
-    second = next((fit for fit in fits[1:] if not same_pose(fit.pose, first.pose)), None)
-    second = second or _twin(first, main, points, blocks, homographies)
-    if second is None:
-        return Comparison(rays, (first,), 0.0, 0.0, int(np.count_nonzero(off)))
-    preferred = _point_chi_square(second, first) - _point_chi_square(first, first)
+    first = min(fits, key=lambda fit: float(_point_chi_square(fit, reference).sum()))
+    rivals = [fit for fit in fits if not same_pose(fit.pose, first.pose)]
+    if not rivals:  # all starts led to one pose; its twin then is the rival, as it stands
+        rivals = _twins(first, points, blocks, homographies)
+    if not rivals:
+        return Comparison(rays, (first,), 0.0, 0.0, 0)
+    return min((_compared(rays, first, rival) for rival in rivals), key=lambda found: found.margin)
+
+
+def _compared(rays: Rays, first: PoseFit, rival: PoseFit) -> Comparison:
+    """What prefers the first: points off the plane that the rival fits, because that plane fits both."""
+    points = rays.points
+    fitted = points.plane_index[rival.found.rows[rival.along_weights > 0]]
+    own_plane = int(np.argmax(np.bincount(fitted))) if len(fitted) else FREE
+    off = points.plane_index != own_plane
+    preferred = _point_chi_square(rival, first) - _point_chi_square(first, first)
     squares = float((preferred[off] ** 2).sum())
     margin = min(float(preferred[off].sum()), float(preferred.sum()))
     deviations = float(preferred[off].sum() / np.sqrt(squares)) if squares > 0 else 0.0
-    return Comparison(rays, (first, second), margin, deviations, int(np.count_nonzero(off)))
+    return Comparison(rays, (first, rival), margin, deviations, int(np.count_nonzero(off)))
 
 
 def same_pose(a: TwoViewPose, b: TwoViewPose) -> bool:
@@ -122,18 +129,18 @@ def _start(pose: PlanarPose, homographies: list[FloatArray]) -> TwoViewPose:
     return TwoViewPose(pose.R, t, planes_of_pose(pose.R, t, homographies))
 
 
-def _twin(
-    fit: PoseFit, plane: int, points: TwoViewPoints, blocks: IntArray, homographies: list[FloatArray]
-) -> PoseFit | None:
-    """The twin of a refined pose, as it stands: all starts led to the same pose, so refining it is no use."""
-    n = fit.pose.planes[plane]
-    length = np.linalg.norm(n)
-    x = [*points.camera_rays[points.plane_index == plane].mean(axis=0), 1.0]
+def _twins(fit: PoseFit, points: TwoViewPoints, blocks: IntArray, homographies: list[FloatArray]) -> list[PoseFit]:
+    """The twin of a refined pose on its largest plane, not refined: that would only lead back."""
+    planes = points.plane_index[points.plane_index != FREE]
+    largest = int(np.argmax(np.bincount(planes)))
+    n = fit.pose.planes[largest]
+    length = float(np.linalg.norm(n))
+    x = [*points.camera_rays[points.plane_index == largest].mean(axis=0), 1.0]
     try:
         start = _start(twin_pose(PlanarPose(fit.pose.R, fit.pose.t * length, n / length), x), homographies)
     except DegenerateError:
-        return None
-    return None if same_pose(start, fit.pose) else evaluate(start, points, blocks)
+        return []
+    return [] if same_pose(start, fit.pose) else [evaluate(start, points, blocks)]
 
 
 def _point_chi_square(fit: PoseFit, reference: PoseFit) -> FloatArray:
@@ -141,11 +148,3 @@ def _point_chi_square(fit: PoseFit, reference: PoseFit) -> FloatArray:
     epipolar, along = chi_square(fit, reference)
     epipolar[fit.found.rows] += along
     return epipolar
-
-
-def _total(fit: PoseFit, reference: PoseFit) -> float:
-    return float(_point_chi_square(fit, reference).sum())
-
-
-def _largest_plane(points: TwoViewPoints) -> int:
-    return int(np.argmax(np.bincount(points.plane_index[points.plane_index != FREE])))
