@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
+from functools import partial
 
 import numpy as np
 
@@ -49,7 +50,7 @@ def decode_gray_code(pattern: GrayCode, images: Sequence[Image], names: Sequence
     height = sequence.white.shape[0]
     bands = [range(start, min(start + BAND_ROWS, height)) for start in range(0, height, BAND_ROWS)]
     with ThreadPoolExecutor(2) as threads:
-        read = list(threads.map(lambda rows: read_band(sequence, pattern, plan, rows), bands))
+        read = list(threads.map(partial(read_band, sequence, pattern, plan), bands))
         agreed = sum(band.counts["agreed"] for band in read)
         require_inside(
             agreed,

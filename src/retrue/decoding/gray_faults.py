@@ -36,7 +36,7 @@ MOST_OUTSIDE = 0.02
 def require_light(grey: Sequence[Image]) -> None:
     """Raise where no pixel's brightness changes much from picture to picture."""
     values = _sample(grey)
-    full_scale = float(np.iinfo(grey[0].dtype).max)
+    full_scale = 255.0 if grey[0].dtype == np.uint8 else 65535.0
     contrast = float(np.percentile(values.max(axis=0) - values.min(axis=0), 99)) / full_scale
     if not contrast > LEAST_CONTRAST:
         raise CaptureError(
@@ -59,7 +59,7 @@ def require_complements(grey: Sequence[Image], names: Sequence[str], pairs: Sequ
 def ends_with_white_and_black(grey: Sequence[Image]) -> bool:
     """Whether the last two pictures are all bright and all dark."""
     scaled = _scaled(grey)
-    return bool(np.mean(scaled[-2] > 0.8) > 0.95 and np.mean(scaled[-1] < 0.2) > 0.95)
+    return float(np.mean(scaled[-2] > 0.8)) > 0.95 and float(np.mean(scaled[-1] < 0.2)) > 0.95
 
 
 def explain_count(pattern: GrayCode, grey: Sequence[Image], names: Sequence[str]) -> str:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -54,11 +55,11 @@ def noise_of_difference(noise_gain: float, brightness: FloatImage) -> FloatImage
 def _plan_axis(sequence: GraySequence, axis: int, noise_gain: float) -> tuple[int, int]:
     """Direction and cell of one axis of the code."""
     pairs = [_neighbouring_codes(sequence, axis, along, noise_gain) for along in range(2)]
-    steps = [float(np.mean(np.abs(second - first) == 1)) if len(first) else 0.0 for first, second in pairs]
-    along = int(np.argmax(steps))
+    steps = [float(np.count_nonzero(np.abs(b - a) == 1)) / max(len(a), 1) for a, b in pairs]
+    along = 0 if steps[0] > steps[1] else 1
     require_order(*pairs[along], sequence.names[axis], ("column", "row")[axis])
     stripe = 1 / max(steps[along], 1 / MAX_CELL)
-    return along, int(2 ** np.clip(np.round(np.log2(stripe)), 1, np.log2(MAX_CELL)))
+    return along, min(max(2 ** round(math.log2(stripe)), 2), MAX_CELL)
 
 
 def _neighbouring_codes(

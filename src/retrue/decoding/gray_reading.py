@@ -17,7 +17,7 @@ from retrue.patterns.gray_code import GrayCode
 
 LARGEST_RESIDUAL = 0.25
 """Stripes, RMS: edges that scatter more about their plane belong to several surfaces, or to none."""
-LARGEST_SIGMA = 0.1
+LARGEST_SIGMA = 0.05
 """Stripes: above it, too few edges, or all of them to one side."""
 FARTHEST_CODE = 0.75
 """Stripes: a pixel's own code is within half a stripe of the plane, and a little for noise."""
@@ -91,18 +91,17 @@ def read_band(sequence: GraySequence, pattern: GrayCode, plan: Plan, rows: range
         "alone": _count((inside & ~certain)[inner]),
         "rough": _count((certain & ~smooth)[inner]),
     }
-    columns, rows_ = (np.take(fit.value[inner], pixels) for fit in fits)
-    variance = sum(np.take(fit.pixels(fit.variance)[inner], pixels) for fit in fits)
-    outside = [_count((agreed & ~w)[inner]) for w in within]
+    stripe_x, stripe_y = (np.take(fit.value[inner], pixels) for fit in fits)
+    variance = np.stack([np.take(fit.pixels(fit.variance)[inner], pixels) for fit in fits]).mean(axis=0)
+    outside = [_count((agreed & ~codes)[inner]) for codes in within]
     largest = [
-        int(axis.code[inner][agreed[inner]].max(initial=0)) if beyond else 0
-        for axis, beyond in zip(axes, outside, strict=True)
+        int(axis.code[agreed].max(initial=0)) if beyond else 0 for axis, beyond in zip(axes, outside, strict=True)
     ]
     return Band(
         y + rows.start,
         x,
-        (columns, rows_),
-        variance * np.float32(0.5),
+        (stripe_x, stripe_y),
+        variance,
         counts,
         (outside[0], outside[1]),
         (largest[0], largest[1]),

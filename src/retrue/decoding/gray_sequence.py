@@ -97,7 +97,7 @@ def _require_alike(images: Sequence[Image], names: Sequence[str]) -> None:
     for image, name in zip(images, names, strict=True):
         if image.ndim not in (2, 3) or (image.ndim == 3 and image.shape[2] != 3) or image.size == 0:
             raise CaptureError(CAPTURE, f"{name}: expected height x width (x 3), found shape {image.shape}")
-        if image.dtype not in (np.uint8, np.uint16):
+        if image.dtype.name not in ("uint8", "uint16"):
             raise CaptureError(CAPTURE, f"{name}: expected 8 or 16 bits, found {image.dtype}")
         if image.shape[:2] != images[0].shape[:2]:
             sizes = [f"{picture.shape[1]} x {picture.shape[0]}" for picture in (image, images[0])]

@@ -127,18 +127,20 @@ def fit_planes(edges: Edges, along: int) -> PlaneFit:
 
     slope_x, slope_y, value = (_per_pixel(image, cell) for image in (slope_x, slope_y, value))
     fitted = value + slope_x * inner_x + slope_y * inner_y
-    off = v - fitted - slope_x * edges.fraction
+    off = cast(FloatImage, v - fitted - slope_x * edges.fraction)
     off *= off
     off *= w
     kernel = _kernel(cell, 0)
     squares, weights, count = (
-        _filtered(_filtered(_per_cell(image, cell), kernel, 0), kernel, 1) for image in (off, w, np.float32(w > 0))
+        _filtered(_filtered(_per_cell(image, cell), kernel, 0), kernel, 1)
+        for image in (off, w, (w > 0).astype(np.float32))
     )
     tiny = np.float32(1e-6)
+    mean_square = cast(FloatImage, squares / (weights + tiny))
     of_weight_1 = squares / (count + tiny) + np.float32((EDGE_SIGMA / cell) ** 2)
-    variance = of_weight_1 * per_weight * (1 + np.maximum(lever, 0)) * np.float32(0.5 / cell**2)
+    variance = cast(FloatImage, of_weight_1 * per_weight * (1 + np.maximum(lever, 0)) * np.float32(0.5 / cell**2))
     height, width = edges.shape
-    return PlaneFit(fitted[:height, :width], squares / (weights + tiny), variance, cell)
+    return PlaneFit(fitted[:height, :width], mean_square, variance, cell)
 
 
 def _windowed(own: dict[str, FloatImage], cell: int, along: int) -> dict[str, FloatImage]:

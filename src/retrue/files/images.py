@@ -133,6 +133,6 @@ def _decoded(path: Path, header: ImageHeader, grey: bool) -> Image:
         raise FileError(path, f"not a picture that can be read: {error.err}") from error
     if image is None or image.shape[:2] != header.size[::-1]:
         raise FileError(path, "not a picture that can be read: damaged or cut short")
-    if image.dtype not in (np.uint8, np.uint16):
+    if image.dtype.name not in ("uint8", "uint16"):
         raise FileError(path, f"expected 8 or 16 bits a channel, found {image.dtype}")
     return image if image.ndim == 2 else np.ascontiguousarray(image[..., ::-1])

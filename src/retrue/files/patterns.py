@@ -39,8 +39,6 @@ def read_pattern(path: str | Path) -> Pattern:
         if kind == "color-grid":
             return _color_grid(spec)
         raise InputError(f'expected "kind": "gray-code" or "color-grid", found {_shown(kind)}')
-    except FileError:
-        raise
     except InputError as error:
         raise FileError(path, f"not a pattern: {error}") from error
 
@@ -82,14 +80,10 @@ def _gray_code(spec: Mapping[str, Any]) -> GrayCode:
     order = _required(spec, "order")
     if order != ORDER:
         raise InputError(f'order: expected "{ORDER}", found {_shown(order)}')
-    size = _projector_size(spec)
-    return GrayCode(
-        size,
-        step=_whole(spec.get("step", 1), "step", 1, min(size)),
-        offset=cast(
-            tuple[int, int], _whole_numbers(spec.get("offset", [0, 0]), "offset", 2, 0, MAX_PROJECTOR_SIDE - 1)
-        ),
-    )
+    width, height = _projector_size(spec)
+    first_column, first_row = _whole_numbers(spec.get("offset", [0, 0]), "offset", 2, 0, MAX_PROJECTOR_SIDE - 1)
+    step = _whole(spec.get("step", 1), "step", 1, min(width, height))
+    return GrayCode((width, height), step, (first_column, first_row))
 
 
 def _color_grid(spec: Mapping[str, Any]) -> ColorGrid:

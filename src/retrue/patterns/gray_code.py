@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from retrue.errors import InputError
 
 MAX_PROJECTOR_SIDE = 16384
+MAX_BITS = 14
 ORDER = "columns-msb-pattern-inverse-rows-msb-pattern-inverse-white-black"
 
 Axis = Literal[0, 1]
@@ -51,6 +52,8 @@ class GrayCode:
             raise InputError(f"step: expected 1 to {min(width, height)} projector pixels, found {self.step}")
         if not all(0 <= first < MAX_PROJECTOR_SIDE for first in self.offset):
             raise InputError(f"offset: expected 0 to {MAX_PROJECTOR_SIDE - 1}, found {self.offset}")
+        if max(self.bits) > MAX_BITS:
+            raise InputError(f"offset: expected codes of at most {MAX_BITS} bits, found {max(self.bits)}")
 
     @property
     def stripes(self) -> tuple[int, int]:
