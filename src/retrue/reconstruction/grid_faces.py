@@ -63,10 +63,12 @@ def _slope_residual(w: FloatArray) -> FloatArray:
 
 def _median_of_three(a: FloatArray, b: FloatArray, c: FloatArray) -> FloatArray:
     """Of those that are not NaN; the flatter one of two."""
-    ordered: FloatArray = np.sort(np.stack([a, b, c]), axis=0)  # NaN sorts last
-    flatter_of_two: FloatArray = np.where(np.abs(ordered[1]) < np.abs(ordered[0]), ordered[1], ordered[0])
-    median: FloatArray = np.where(np.isnan(ordered[2]), flatter_of_two, ordered[1])
-    return median
+    ordered = np.sort(np.stack([a, b, c]), axis=0)  # NaN sorts last
+    low: FloatArray = ordered[0]
+    middle: FloatArray = ordered[1]
+    high: FloatArray = ordered[2]
+    flatter_of_two = np.where(np.abs(middle) < np.abs(low), middle, low)
+    return np.where(np.isnan(high), flatter_of_two, middle)
 
 
 def _corner_faces(index: IntArray, right: BoolArray, down: BoolArray) -> IntArray:
