@@ -17,7 +17,7 @@ from retrue.decoding.gray_sequence import GraySequence, arrange
 from retrue.geometry.arrays import Image
 from retrue.patterns.gray_code import GrayCode
 
-BAND_ROWS = 4 * MAX_CELL
+BAND_ROWS = 8 * MAX_CELL
 """Small enough for the processor's cache, large enough that the rows around a band cost little."""
 SYSTEMATIC_SIGMA = 0.02
 """Stripes: what the lens, JPEG and the surface leave, however many edges there are."""

@@ -58,8 +58,8 @@ def require_complements(grey: Sequence[Image], names: Sequence[str], pairs: Sequ
 
 def ends_with_white_and_black(grey: Sequence[Image]) -> bool:
     """Whether the last two pictures are all bright and all dark."""
-    scaled = _scaled(grey)
-    return float(np.mean(scaled[-2] > 0.8)) > 0.95 and float(np.mean(scaled[-1] < 0.2)) > 0.95
+    *_, white, black = _scaled(grey)
+    return bool(np.percentile(white, 5) > 0.8 and np.percentile(black, 95) < 0.2)
 
 
 def explain_count(pattern: GrayCode, grey: Sequence[Image], names: Sequence[str]) -> str:

@@ -11,6 +11,7 @@ from retrue.decoding.gray_bits import CodeImage, decode_axis, neighbours
 from retrue.decoding.gray_faults import require_order
 from retrue.decoding.gray_sequence import GraySequence
 from retrue.decoding.gray_subpixel import FloatImage
+from retrue.geometry.arrays import Image
 
 MAX_CELL = 32
 """Pixels: bands start at multiples of it, so that the cells of all bands lie on one grid."""
@@ -66,19 +67,16 @@ def _neighbouring_codes(
     sequence: GraySequence, axis: int, along: int, noise_gain: float
 ) -> tuple[CodeImage, CodeImage]:
     """Trusted codes (N,) of pixels, and of their neighbours along an array axis."""
+    patterns, inverses = (
+        [_strips(image, along) for image in kind[axis]] for kind in (sequence.patterns, sequence.inverses)
+    )
+    read = decode_axis(patterns, inverses, along)
+    white, black = (_strips(image, along).astype(np.float32) for image in (sequence.white, sequence.black))
+    decided = np.float32(UNDECIDED) * noise_of_difference(noise_gain, white + black)
+    good = (white - black > 2 * decided) & (read.second_margin > decided)
     here, there = neighbours(along)
-    firsts: list[CodeImage] = []
-    seconds: list[CodeImage] = []
-    for strip in _strips(sequence, along):
-        patterns, inverses = ([image[strip] for image in kind[axis]] for kind in (sequence.patterns, sequence.inverses))
-        read = decode_axis(patterns, inverses, along)
-        white, black = (image[strip].astype(np.float32) for image in (sequence.white, sequence.black))
-        decided = np.float32(UNDECIDED) * noise_of_difference(noise_gain, white + black)
-        good = (white - black > 2 * decided) & (read.second_margin > decided)
-        both = good[here] & good[there]
-        firsts.append(read.code[here][both])
-        seconds.append(read.code[there][both])
-    return np.concatenate(firsts), np.concatenate(seconds)
+    both = good[here] & good[there]
+    return read.code[here][both], read.code[there][both]
 
 
 def _noise_gain(sequence: GraySequence) -> float:
@@ -87,19 +85,16 @@ def _noise_gain(sequence: GraySequence) -> float:
     pairs = list(zip(sequence.patterns[axis][-2:], sequence.inverses[axis][-2:], strict=True))
     if len(pairs) < 2:
         return 0.0
-    gains: list[FloatImage] = []
-    for strip in _strips(sequence, 1):
-        white, black = (image[strip].astype(np.float32) for image in (sequence.white, sequence.black))
-        first, second = (pattern[strip].astype(np.float32) + inverse[strip] for pattern, inverse in pairs)
-        lit = white - black > LIT * float((white - black).max())
-        gains.append((np.square(first - second) / np.maximum(white + black, 1))[lit].astype(np.float32))
-    values = np.concatenate(gains)
-    return float(np.median(values)) / (2 * CHI_SQUARE_MEDIAN) if len(values) else 0.0
+    white, black = (_strips(image, 1).astype(np.float32) for image in (sequence.white, sequence.black))
+    first, second = (_strips(pattern, 1).astype(np.float32) + _strips(inverse, 1) for pattern, inverse in pairs)
+    lit = white - black > LIT * float((white - black).max())
+    gains = np.square(first - second)[lit] / np.maximum(white + black, 1)[lit]
+    return float(np.median(gains)) / (2 * CHI_SQUARE_MEDIAN) if len(gains) else 0.0
 
 
-def _strips(sequence: GraySequence, along: int) -> list[tuple[slice, slice]]:
-    """Narrow strips that run the whole length of the picture along an array axis."""
-    side = sequence.white.shape[1 - along]
-    starts = np.unique((np.arange(STRIPS) + 0.5) / STRIPS * side).astype(int)
-    strips = [slice(int(start), int(start) + STRIP_WIDTH) for start in starts]
-    return [(strip, slice(None)) if along == 1 else (slice(None), strip) for strip in strips]
+def _strips(image: Image, along: int) -> Image:
+    """Narrow strips, side by side, that run the whole length of the picture along an array axis."""
+    side = image.shape[1 - along]
+    starts = ((np.arange(STRIPS) + 0.5) / STRIPS * (side - STRIP_WIDTH)).astype(int)
+    lines = np.unique(np.clip(starts[:, None] + np.arange(STRIP_WIDTH), 0, side - 1))
+    return np.take(image, lines, axis=1 - along)
