@@ -4,8 +4,6 @@ from __future__ import annotations
 
 from pathlib import Path
 
-import numpy as np
-
 from retrue.errors import InputError
 from retrue.files.atomic import replaced_file
 from retrue.geometry.arrays import Image
@@ -21,8 +19,8 @@ def write_png(path: str | Path, image: Image) -> None:
     import cv2
 
     grey = image.ndim == 2
-    if not (image.size and image.dtype in (np.uint8, np.uint16) and (grey or image.shape[2:] == (3,))):
+    if not (image.size and image.dtype.name in ("uint8", "uint16") and (grey or image.shape[2:] == (3,))):
         raise InputError(f"picture: expected grey or RGB of uint8 or uint16, found {image.shape} of {image.dtype}")
-    _, content = cv2.imencode(".png", image if grey else image[..., ::-1])
+    _, content = cv2.imencode(".png", image if grey else cv2.cvtColor(image, cv2.COLOR_RGB2BGR))
     with replaced_file(path) as stream:
         stream.write(content.tobytes())
