@@ -9,11 +9,11 @@ if TYPE_CHECKING:
     from retrue.errors import RetrueError as RetrueError
     from retrue.files.captures import read_capture as read_capture
     from retrue.files.images import read_image as read_image
-    from retrue.files.images import write_image as write_image
     from retrue.files.patterns import read_pattern as read_pattern
     from retrue.files.patterns import write_pattern as write_pattern
     from retrue.files.ply import write_cloud as write_cloud
     from retrue.files.ply import write_mesh as write_mesh
+    from retrue.files.png import write_png as write_png
     from retrue.files.points import read_points as read_points
     from retrue.files.points import write_points as write_points
     from retrue.files.rigs import read_rig as read_rig
@@ -76,9 +76,9 @@ _HOMES = {
     "triangulate": "geometry.triangulation",
     "verify": "recalibration.verify",
     "write_cloud": "files.ply",
-    "write_image": "files.images",
     "write_mesh": "files.ply",
     "write_pattern": "files.patterns",
+    "write_png": "files.png",
     "write_points": "files.points",
     "write_rig": "files.rigs",
 }

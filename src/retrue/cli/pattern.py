@@ -33,8 +33,8 @@ class Pattern(Command):
     out: Path
 
     def run(self) -> Outcome:
-        from retrue.files.images import write_image
         from retrue.files.patterns import write_pattern
+        from retrue.files.png import write_png
         from retrue.patterns.color_grid import make_color_grid
         from retrue.patterns.gray_code import GrayCode
 
@@ -49,7 +49,7 @@ class Pattern(Command):
             pictures = {f"pattern_{number:02d}.png": picture for number, picture in enumerate(pattern.render())}
         folder = made_folder(self.out)
         for name, picture in pictures.items():
-            write_image(folder / name, picture)
+            write_png(folder / name, picture)
         write_pattern(folder / "pattern.json", pattern)
         report = {
             "kind": self.kind,
