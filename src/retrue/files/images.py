@@ -11,7 +11,6 @@ from typing import cast
 import numpy as np
 
 from retrue.errors import CaptureError, FileError
-from retrue.files.atomic import replaced_file
 from retrue.files.image_header import ImageHeader, read_image_header
 from retrue.geometry.arrays import Image
 
@@ -74,27 +73,6 @@ def read_folder(path: str | Path, *, color: Sequence[int] = ()) -> tuple[list[Im
         grey = [index not in in_color for index in range(len(paths))]
         images = list(threads.map(_decoded, paths, headers, grey))
     return images, paths
-
-
-def write_image(path: str | Path, image: Image) -> None:
-    """A picture as PNG, whole or not at all.
-
-    Parameters
-    ----------
-    path : the file to write, or to replace.
-    image : (height, width) or (height, width, 3) in the order red, green, blue; uint8 or uint16.
-
-    Raises
-    ------
-    FileError
-        the file cannot be written.
-    """
-    import cv2
-
-    stored = cv2.cvtColor(image, cv2.COLOR_RGB2BGR) if image.ndim == 3 else image
-    _, encoded = cv2.imencode(".png", stored)
-    with replaced_file(path) as stream:
-        stream.write(encoded.tobytes())
 
 
 def natural_key(name: str) -> list[tuple[int, str]]:
