@@ -35,8 +35,9 @@ def finite_array(value: ArrayLike, shape: tuple[int | None, ...], name: str) -> 
     return array
 
 
-def frozen_array(array: FloatArray) -> FloatArray:
+def frozen_array(value: ArrayLike) -> FloatArray:
     """A read-only copy, for the fields of frozen dataclasses; itself where nobody can write to it."""
+    array = np.asarray(value)
     if array.dtype == np.float64 and array.flags.owndata and not array.flags.writeable:
         return array
     copy = np.array(array, dtype=np.float64)

@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
-from retrue.geometry.arrays import FloatArray
+if TYPE_CHECKING:  # so that the command line's help loads no NumPy
+    from retrue.geometry.arrays import FloatArray
 
 
 @dataclass(frozen=True, slots=True, eq=False)
