@@ -90,12 +90,12 @@ def place_blocks(code: Code, links: Links, label: IntArray) -> IntArray:
         voters.append((corrected, CORRECTED_VOTE))
     place = _vote(code, links, voters)
     for _ in range(4):
-        place = _drop_disputed(code, links, place)
+        place = _drop_disputed(code, links, label, place)
         grown = _grow(code, links, label, place)
         if np.array_equal(grown, place):
             break
         place = grown
-    return _drop_disputed(code, links, place)
+    return _drop_disputed(code, links, label, place)
 
 
 def agreeing_links(code: Code, links: Links, place: IntArray) -> tuple[BoolArray, BoolArray]:
@@ -160,11 +160,11 @@ def _vote(code: Code, links: Links, voters: list[tuple[IntArray, int]]) -> IntAr
         places.append(place[use])
         weights.append(np.full(int(use.sum()), weight))
     block, place, weight = np.concatenate(blocks), np.concatenate(places), np.concatenate(weights)
-    return _majority(len(links.around), block, place, weight, least=CORRECTED_VOTE + 1)
+    return _majority(len(links.around), block, place, weight, lead=2.0)
 
 
-def _majority(count: int, block: IntArray, place: IntArray, weight: NDArray[np.int64], least: int) -> IntArray:
-    """Place with the most votes of each block, where it has `least` and twice as many as all others together."""
+def _majority(count: int, block: IntArray, place: IntArray, weight: NDArray[np.int64], lead: float) -> IntArray:
+    """Place with the most votes of each block, where it has two and more than `lead` times as many as all others together."""
     result = np.full(count, NONE)
     if len(block) == 0:
         return result
@@ -173,14 +173,16 @@ def _majority(count: int, block: IntArray, place: IntArray, weight: NDArray[np.i
     votes = np.bincount(inverse, weight)
     owner = ballot // span
     cast = np.bincount(owner, votes, count)
-    wins = (votes >= least) & (votes > 2 * (cast[owner] - votes))
+    wins = (votes >= 2) & (votes > lead * (cast[owner] - votes))
     result[owner[wins]] = ballot[wins] % span
     return result
 
 
-def _drop_disputed(code: Code, links: Links, place: IntArray) -> IntArray:
+def _drop_disputed(code: Code, links: Links, label: IntArray, place: IntArray) -> IntArray:
+    """A place stands against a minority of the neighbours; of a colour that is not the code's, against half as many."""
     agree, against = agreeing_links(code, links, place)
-    keep = agree.sum(axis=1) > 2 * against.sum(axis=1)
+    right = code.color(place) == label
+    keep = agree.sum(axis=1) > np.where(right, 1, 2) * against.sum(axis=1)
     return np.where(keep, place, NONE)
 
 
@@ -191,5 +193,5 @@ def _grow(code: Code, links: Links, label: IntArray, place: IntArray) -> IntArra
     use = (target >= 0) & (said >= 0)
     use &= np.where(use, place[target] < 0, False) & (code.color(said) == np.where(use, label[target], NONE))
     block, where = target[use], said[use]
-    grown = _majority(len(place), block, where, np.ones(len(block), np.int64), least=2)
+    grown = _majority(len(place), block, where, np.ones(len(block), np.int64), lead=1.0)
     return np.where(place >= 0, place, grown)
