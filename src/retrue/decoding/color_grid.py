@@ -30,7 +30,7 @@ from retrue.geometry.arrays import BoolArray, Image, IntArray
 from retrue.patterns.color_grid import ColorGrid
 
 FIRST_SIDE = 800  # px: larger pictures are first looked at from further away
-SMALL_BLOCK = 6.5  # px: blocks below this are looked at again in a finer picture, if there is one
+SMALL_BLOCK = 4.5  # px: blocks below this are looked at again in a finer picture, if there is one
 LARGE_BLOCK = 13.0  # px: blocks above this are looked at again in a coarser picture
 SURROUNDED = 5  # agreeing neighbours of eight, from which on a block's own colour need not be beyond doubt
 RIM_MARGIN = 0.3  # of the colour of all other blocks

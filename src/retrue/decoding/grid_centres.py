@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from retrue.decoding.grid_surface import Joints, agreement, slopes
-from retrue.geometry.arrays import FloatArray, Image
+from retrue.geometry.arrays import BoolArray, FloatArray, Image
 
 LINES = 9  # profiles side by side, over the middle of the block
 SPREAD = 0.8  # of a block's side that the lines cover
@@ -23,9 +23,9 @@ SIDE_SAMPLES = 9  # across one side
 SIDE_WINDOW = 0.88  # of half a gap: how far those reach from the side
 CHANNEL_TRUST = np.array([1.0, 2.0, 1.0], np.float32)  # green is sampled twice as densely, and never subsampled
 ROUNDS = 3
-FARTHEST = 0.3  # of a pitch that a centre may lie off the middle of its blob
+FARTHEST = 0.12  # of a pitch that a centre may lie off the middle of its blob
 STRAIGHT = 4.0  # sigmas by which lines through one block may differ on a smooth surface
-DISAGREEMENT = 0.1  # of a pitch between two ways to measure: more, and the block is cut
+DISAGREEMENT = 0.06  # of a pitch between two ways to measure: more, and the block is cut
 
 Samples = NDArray[np.float32]
 _Offset = Callable[[Image, Samples, FloatArray, FloatArray, FloatArray, float], FloatArray]
@@ -56,27 +56,34 @@ def refine_centres(image: Image, coarse: FloatArray, joints: Joints, duty: float
     not fit in with their neighbours are measured again by their sides; what still does not fit is where its
     neighbours say, if those agree, and gone if nothing agrees.
     """
-    right, down, bend = slopes(coarse, joints)
-    known = np.isfinite(coarse[..., 0] + right[..., 0] + down[..., 0])
+    right, down, _ = slopes(coarse, joints)
+    pitch = np.minimum(np.linalg.norm(right, axis=-1), np.linalg.norm(down, axis=-1))
+    known = np.isfinite(pitch)
     if not known.any():
         return Centres(np.full_like(coarse, np.nan), np.full(coarse.shape[:2], np.nan))
-    pitch = np.minimum(np.linalg.norm(right, axis=-1), np.linalg.norm(down, axis=-1))
-    shift = 0.5 * (duty / 2) ** 2 * bend
+    weights = np.zeros((*known.shape, 3), np.float32)
+    weights[known] = _color_weights(image, coarse[known], right[known], down[known])
 
-    fitted = np.full_like(coarse, np.nan)
-    fitted[known] = _measure(image, (coarse + shift)[known], right[known], down[known], duty, _profile_offset)
-    fitted -= shift
-    fitted[~(np.linalg.norm(fitted - coarse, axis=-1) < FARTHEST * pitch)] = np.nan
+    def measured(rows: BoolArray, start: FloatArray, rounds: int, offset: _Offset) -> FloatArray:
+        """`start` with the blocks `rows` measured anew; NaN where they run away from where they were seen."""
+        position = start.copy()
+        for _ in range(rounds):
+            right, down, bend = slopes(position, joints)
+            now = rows & np.isfinite(position[..., 0] + right[..., 0] + down[..., 0])
+            if not now.any():
+                break
+            shift = 0.5 * (duty / 2) ** 2 * bend[now]
+            p, u, v, w = position[now] + shift, right[now], down[now], weights[now]
+            along, across = offset(image, w, p, u, v, duty), offset(image, w, p, v, u, duty)
+            position[now] = p + along[:, None] * u + across[:, None] * v - shift
+            position[~(np.linalg.norm(position - coarse, axis=-1) < FARTHEST * pitch)] = np.nan
+        return position
+
+    fitted = measured(known, coarse, ROUNDS, _profile_offset)
     first = agreement(fitted, joints)
-
     again = known & (first.odd | ~np.isfinite(fitted[..., 0]))
-    by_sides = fitted.copy()
-    by_sides[again] = (
-        _measure(image, (coarse + shift)[again], right[again], down[again], duty, _side_offset) - shift[again]
-    )
-    by_sides[~(np.linalg.norm(by_sides - coarse, axis=-1) < FARTHEST * pitch)] = np.nan
+    by_sides = measured(again, np.where(again[..., None], coarse, fitted), ROUNDS, _side_offset)
     second = agreement(by_sides, joints)
-
     lost = ~np.isfinite(by_sides[..., 0])
     unsure = again & (second.odd | lost | ~np.isfinite(fitted[..., 0]))
     between = np.linalg.norm(by_sides - fitted, axis=-1)
@@ -86,18 +93,6 @@ def refine_centres(image: Image, coarse: FloatArray, joints: Joints, duty: float
     sigma = np.hypot(first.sigma, np.where(unsure, np.where(straight, second.spread, between), 0.0))
     sigma[~np.isfinite(position[..., 0])] = np.nan
     return Centres(position, sigma)
-
-
-def _measure(image: Image, p: FloatArray, u: FloatArray, v: FloatArray, duty: float, offset: _Offset) -> FloatArray:
-    """Centres (N, 2), from starts p and grid steps u, v (N, 2), by repeated offsets along both."""
-    if len(p) == 0:
-        return p
-    weights = _color_weights(image, p, u, v)
-    for _ in range(ROUNDS):
-        along_u = offset(image, weights, p, u, v, duty)
-        along_v = offset(image, weights, p, v, u, duty)
-        p = p + along_u[:, None] * u + along_v[:, None] * v
-    return p
 
 
 def _color_weights(image: Image, p: FloatArray, u: FloatArray, v: FloatArray) -> Samples:
