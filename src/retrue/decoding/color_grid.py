@@ -20,6 +20,7 @@ from retrue.decoding.grid_windows import (
     SIGNIFICANCE,
     Code,
     agreeing_links,
+    code_of,
     joined_places,
     patch_evidence,
     place_blocks,
@@ -122,7 +123,7 @@ def _inspect_at(pattern: ColorGrid, picture: Image, halvings: int) -> GridSight:
     blocks = find_blocks(small)
     links = link_blocks(blocks)
     label, margin = separate_colors(blocks.color, links.around, pattern.colors)
-    code = Code(pattern)
+    code = code_of(pattern)
     place = place_blocks(code, links, label)
     nats = surface_evidence(code, links, label, place)
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from functools import cache
 from dataclasses import dataclass
 from typing import cast
 
@@ -13,16 +14,17 @@ from numpy.typing import NDArray
 from retrue.decoding.grid_surface import Joints, agreement, slopes
 from retrue.geometry.arrays import BoolArray, FloatArray, Image
 
-LINES = 9  # profiles side by side, over the middle of the block
+SMOOTHING = 3  # px, side of the box that the picture is averaged over, so that few samples see all pixels
+LINES = 3  # profiles side by side, over the middle of the block
 SPREAD = 0.8  # of a block's side that the lines cover
 REACH = 0.5  # pitches that a profile reaches to either side: to the middle of the gaps
-SAMPLES = 21  # along a profile
-BLUR = 1.0  # px, standard deviation of a typical edge; the fit hardly depends on it
+SAMPLES = 9  # along a profile
+BLUR = 1.3  # px, standard deviation of a typical edge, smoothed; the fit hardly depends on it
 BLURS = np.geomspace(0.02, 0.4, 25)  # in pitches: one filter each
 SIDE_SAMPLES = 9  # across one side
 SIDE_WINDOW = 0.88  # of half a gap: how far those reach from the side
 CHANNEL_TRUST = np.array([1.0, 2.0, 1.0], np.float32)  # green is sampled twice as densely, and never subsampled
-ROUNDS = 3
+ROUNDS = 2
 FARTHEST = 0.12  # of a pitch that a centre may lie off the middle of its blob
 STRAIGHT = 4.0  # sigmas by which lines through one block may differ on a smooth surface
 DISAGREEMENT = 0.06  # of a pitch between two ways to measure: more, and the block is cut
@@ -61,6 +63,7 @@ def refine_centres(image: Image, coarse: FloatArray, joints: Joints, duty: float
     known = np.isfinite(pitch)
     if not known.any():
         return Centres(np.full_like(coarse, np.nan), np.full(coarse.shape[:2], np.nan))
+    image = np.asarray(cv2.blur(image, (SMOOTHING, SMOOTHING)))
     weights = np.zeros((*known.shape, 3), np.float32)
     weights[known] = _color_weights(image, coarse[known], right[known], down[known])
 
@@ -83,7 +86,7 @@ def refine_centres(image: Image, coarse: FloatArray, joints: Joints, duty: float
     first = agreement(fitted, joints)
     again = known & (first.odd | ~np.isfinite(fitted[..., 0]))
     by_sides = measured(again, np.where(again[..., None], coarse, fitted), ROUNDS, _side_offset)
-    second = agreement(by_sides, joints)
+    second = agreement(by_sides, joints) if again.any() else first
     lost = ~np.isfinite(by_sides[..., 0])
     unsure = again & (second.odd | lost | ~np.isfinite(fitted[..., 0]))
     between = np.linalg.norm(by_sides - fitted, axis=-1)
@@ -112,7 +115,7 @@ def _profile_offset(
     """
     t = np.linspace(-REACH, REACH, SAMPLES)
     profile = _profiles(image, weights, p, u, v, t, duty)
-    height_filters, shift_filters = _filters(t, duty)
+    height_filters, shift_filters = _filters(duty)
     blur = BLUR / np.maximum(np.linalg.norm(u, axis=-1), 1e-6)
     nearest = np.abs(np.log(BLURS) - np.log(blur)[:, None]).argmin(axis=1)
     height = np.einsum("nt,nt->n", height_filters[nearest], profile)
@@ -120,10 +123,12 @@ def _profile_offset(
     return np.clip(shift / np.maximum(height, 1e-6), -0.15, 0.15)
 
 
-def _filters(t: FloatArray, duty: float) -> tuple[FloatArray, FloatArray]:
-    """For each of BLURS, the filters (len(BLURS), len(t)) that give A and A d of a profile."""
+@cache
+def _filters(duty: float) -> tuple[FloatArray, FloatArray]:
+    """For each of BLURS, the filters (len(BLURS), SAMPLES) that give A and A d of a profile."""
     from scipy.special import ndtr
 
+    t = np.linspace(-REACH, REACH, SAMPLES)
     heights: list[FloatArray] = []
     shifts: list[FloatArray] = []
     for blur in BLURS:
@@ -164,8 +169,8 @@ def _profiles(
     """(N, len(t)) mean over lines parallel to u, `t` in pitches along u from p."""
     s = np.linspace(-0.5, 0.5, LINES) * duty * SPREAD
     along, beside = t[:, None, None] * u[:, None, None], s[:, None] * v[:, None, None]
-    seen = _sample(image, p[:, None, None] + along + beside).mean(axis=2)
-    return np.einsum("ntc,nc->nt", seen, weights).astype(np.float64)
+    seen = _sample(image, p[:, None, None] + along + beside)
+    return np.einsum("ntlc,nc->nt", seen, weights).astype(np.float64) / LINES
 
 
 def _sample(image: Image, at: FloatArray) -> Samples:
