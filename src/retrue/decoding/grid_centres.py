@@ -14,12 +14,11 @@ from numpy.typing import NDArray
 from retrue.decoding.grid_surface import Joints, agreement, slopes
 from retrue.geometry.arrays import BoolArray, FloatArray, Image
 
-SMOOTHING = 3  # px, side of the box that the picture is averaged over, so that few samples see all pixels
 LINES = 3  # profiles side by side, over the middle of the block
 SPREAD = 0.8  # of a block's side that the lines cover
 REACH = 0.5  # pitches that a profile reaches to either side: to the middle of the gaps
 SAMPLES = 9  # along a profile
-BLUR = 1.3  # px, standard deviation of a typical edge, smoothed; the fit hardly depends on it
+BLUR = 1.0  # px, standard deviation of a typical edge; the fit hardly depends on it
 BLURS = np.geomspace(0.02, 0.4, 25)  # in pitches: one filter each
 SIDE_SAMPLES = 9  # across one side
 SIDE_WINDOW = 0.88  # of half a gap: how far those reach from the side
@@ -30,7 +29,7 @@ STRAIGHT = 4.0  # sigmas by which lines through one block may differ on a smooth
 DISAGREEMENT = 0.06  # of a pitch between two ways to measure: more, and the block is cut
 
 Samples = NDArray[np.float32]
-_Offset = Callable[[Image, Samples, FloatArray, FloatArray, FloatArray, float], FloatArray]
+_Offset = Callable[["_Smoothed", Samples, FloatArray, FloatArray, FloatArray, float], FloatArray]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -45,6 +44,19 @@ class Centres:
 
     camera_px: FloatArray
     sigma_px: FloatArray
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Smoothed:
+    """A picture averaged over a box about as wide as samples lie apart, so that few samples see all pixels."""
+
+    pixels: Image
+    blur_px: float
+
+    @classmethod
+    def of(cls, image: Image, pitch: float) -> _Smoothed:
+        side = max(3, 2 * round(pitch / (2 * (SAMPLES - 1))) + 1)
+        return cls(np.asarray(cv2.blur(image, (side, side))), float(np.hypot(BLUR, side / 12**0.5)))
 
 
 def refine_centres(image: Image, coarse: FloatArray, joints: Joints, duty: float) -> Centres:
@@ -63,9 +75,9 @@ def refine_centres(image: Image, coarse: FloatArray, joints: Joints, duty: float
     known = np.isfinite(pitch)
     if not known.any():
         return Centres(np.full_like(coarse, np.nan), np.full(coarse.shape[:2], np.nan))
-    image = np.asarray(cv2.blur(image, (SMOOTHING, SMOOTHING)))
+    picture = _Smoothed.of(image, float(np.median(pitch[known])))
     weights = np.zeros((*known.shape, 3), np.float32)
-    weights[known] = _color_weights(image, coarse[known], right[known], down[known])
+    weights[known] = _color_weights(picture, coarse[known], right[known], down[known])
 
     def measured(rows: BoolArray, start: FloatArray, rounds: int, offset: _Offset) -> FloatArray:
         """`start` with the blocks `rows` measured anew; NaN where they run away from where they were seen."""
@@ -77,7 +89,7 @@ def refine_centres(image: Image, coarse: FloatArray, joints: Joints, duty: float
                 break
             shift = 0.5 * (duty / 2) ** 2 * bend[now]
             p, u, v, w = position[now] + shift, right[now], down[now], weights[now]
-            along, across = offset(image, w, p, u, v, duty), offset(image, w, p, v, u, duty)
+            along, across = offset(picture, w, p, u, v, duty), offset(picture, w, p, v, u, duty)
             position[now] = p + along[:, None] * u + across[:, None] * v - shift
             position[~(np.linalg.norm(position - coarse, axis=-1) < FARTHEST * pitch)] = np.nan
         return position
@@ -98,15 +110,15 @@ def refine_centres(image: Image, coarse: FloatArray, joints: Joints, duty: float
     return Centres(position, sigma)
 
 
-def _color_weights(image: Image, p: FloatArray, u: FloatArray, v: FloatArray) -> Samples:
+def _color_weights(picture: _Smoothed, p: FloatArray, u: FloatArray, v: FloatArray) -> Samples:
     """Weights (N, 3) that make one number of a colour: most where block and gaps differ most."""
-    seen = _sample(image, np.stack([p, p + u / 2, p - u / 2, p + v / 2, p - v / 2], axis=1))
+    seen = _sample(picture, np.stack([p, p + u / 2, p - u / 2, p + v / 2, p - v / 2], axis=1))
     added = np.maximum(seen[:, 0] - seen[:, 1:].min(axis=1), 0) * CHANNEL_TRUST
     return added / np.maximum(added.sum(axis=1, keepdims=True), 1e-6)
 
 
 def _profile_offset(
-    image: Image, weights: Samples, p: FloatArray, u: FloatArray, v: FloatArray, duty: float
+    picture: _Smoothed, weights: Samples, p: FloatArray, u: FloatArray, v: FloatArray, duty: float
 ) -> FloatArray:
     """How far along u, in pitches, the block's middle is from p: least squares of its whole profile.
 
@@ -114,9 +126,9 @@ def _profile_offset(
     order in d that is linear, so A and A d are two fixed filters of the profile.
     """
     t = np.linspace(-REACH, REACH, SAMPLES)
-    profile = _profiles(image, weights, p, u, v, t, duty)
+    profile = _profiles(picture, weights, p, u, v, t, duty)
     height_filters, shift_filters = _filters(duty)
-    blur = BLUR / np.maximum(np.linalg.norm(u, axis=-1), 1e-6)
+    blur = picture.blur_px / np.maximum(np.linalg.norm(u, axis=-1), 1e-6)
     nearest = np.abs(np.log(BLURS) - np.log(blur)[:, None]).argmin(axis=1)
     height = np.einsum("nt,nt->n", height_filters[nearest], profile)
     shift = np.einsum("nt,nt->n", shift_filters[nearest], profile)
@@ -146,7 +158,7 @@ def _filters(duty: float) -> tuple[FloatArray, FloatArray]:
 
 
 def _side_offset(
-    image: Image, weights: Samples, p: FloatArray, u: FloatArray, v: FloatArray, duty: float
+    picture: _Smoothed, weights: Samples, p: FloatArray, u: FloatArray, v: FloatArray, duty: float
 ) -> FloatArray:
     """The same from the two sides alone: a print elsewhere on the block does not matter.
 
@@ -156,7 +168,7 @@ def _side_offset(
     window = SIDE_WINDOW * min(1 - duty, duty) / 2
     t = np.linspace(-window, window, SIDE_SAMPLES)
     across = np.concatenate([duty / 2 + t, -(duty / 2 + t)])
-    profile = _profiles(image, weights, p, u, v, across, duty).reshape(len(p), 2, SIDE_SAMPLES)
+    profile = _profiles(picture, weights, p, u, v, across, duty).reshape(len(p), 2, SIDE_SAMPLES)
     inside, outside = profile[..., 0], profile[..., -1]
     height = (profile.mean(axis=-1) - outside) / np.maximum(inside - outside, 1e-6)
     edge = (np.clip(height, 0.0, 1.0) - 0.5) * 2 * window
@@ -164,17 +176,17 @@ def _side_offset(
 
 
 def _profiles(
-    image: Image, weights: Samples, p: FloatArray, u: FloatArray, v: FloatArray, t: FloatArray, duty: float
+    picture: _Smoothed, weights: Samples, p: FloatArray, u: FloatArray, v: FloatArray, t: FloatArray, duty: float
 ) -> FloatArray:
     """(N, len(t)) mean over lines parallel to u, `t` in pitches along u from p."""
     s = np.linspace(-0.5, 0.5, LINES) * duty * SPREAD
     along, beside = t[:, None, None] * u[:, None, None], s[:, None] * v[:, None, None]
-    seen = _sample(image, p[:, None, None] + along + beside)
+    seen = _sample(picture, p[:, None, None] + along + beside)
     return np.einsum("ntlc,nc->nt", seen, weights).astype(np.float64) / LINES
 
 
-def _sample(image: Image, at: FloatArray) -> Samples:
-    """`image` at points (N, ..., 2), interpolated: (N, ..., 3)."""
+def _sample(picture: _Smoothed, at: FloatArray) -> Samples:
+    """`picture` at points (N, ..., 2), interpolated: (N, ..., 3)."""
     maps = at.reshape(len(at), -1, 2).astype(np.float32)
-    seen = cv2.remap(image, maps[..., 0], maps[..., 1], cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
+    seen = cv2.remap(picture.pixels, maps[..., 0], maps[..., 1], cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
     return cast(Samples, np.asarray(seen, dtype=np.float32).reshape(*at.shape[:-1], 3))
