@@ -12,6 +12,7 @@ from retrue.patterns.color_grid import ColorGrid
 
 WRONG_PITCHES = 0.5
 MIN_BLOCK_PX = 6.0
+NEARBY = 0.15  # pitches
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -62,18 +63,19 @@ def block_truth(pattern: ColorGrid, projector_px: FloatArray, visible: BoolArray
     mixed = np.bincount(index, surface[y, x] != first_surface[index], minlength=code.size) > 0
 
     terms = np.stack([np.ones(len(x)), d[:, 0], d[:, 1], d[:, 0] ** 2, d[:, 0] * d[:, 1], d[:, 1] ** 2], axis=-1)
+    nearby = np.exp(-np.sum((d / NEARBY) ** 2, axis=-1))  # so that a crease through the block does not bend the fit
     normal = np.zeros((code.size, 6, 6))
     right = np.zeros((code.size, 6, 2))
     for i in range(6):
         for j in range(6):
-            normal[:, i, j] = np.bincount(index, terms[:, i] * terms[:, j], minlength=code.size)
-        right[:, i, 0] = np.bincount(index, terms[:, i] * x, minlength=code.size)
-        right[:, i, 1] = np.bincount(index, terms[:, i] * y, minlength=code.size)
+            normal[:, i, j] = np.bincount(index, nearby * terms[:, i] * terms[:, j], minlength=code.size)
+        right[:, i, 0] = np.bincount(index, nearby * terms[:, i] * x, minlength=code.size)
+        right[:, i, 1] = np.bincount(index, nearby * terms[:, i] * y, minlength=code.size)
     enough = count >= 12
     solution = np.full((code.size, 6, 2), np.nan)
     solution[enough] = np.linalg.solve(normal[enough] + 1e-9 * np.eye(6), right[enough])
     residual = np.einsum("ni,nij->nj", terms, solution[index]) - np.stack([x, y], axis=-1)
-    spread = np.sqrt(np.bincount(index, (residual**2).sum(axis=-1), minlength=code.size) / np.maximum(count, 1))
+    spread = np.sqrt(np.bincount(index, nearby * (residual**2).sum(axis=-1), minlength=code.size) / np.maximum(count, 1))
 
     a, b = solution[:, 1], solution[:, 2]
     ratio = pattern.block / pattern.pitch

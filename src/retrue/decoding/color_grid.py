@@ -19,6 +19,8 @@ from retrue.decoding.grid_surface import Joints, in_squares, sound_joints, whole
 from retrue.decoding.grid_windows import (
     SIGNIFICANCE,
     Code,
+    agreeing_links,
+    code_of,
     joined_places,
     patch_evidence,
     place_blocks,
@@ -28,8 +30,11 @@ from retrue.errors import InputError
 from retrue.geometry.arrays import BoolArray, Image, IntArray
 from retrue.patterns.color_grid import ColorGrid
 
-FIRST_SIDE = 1600  # px: larger pictures are first looked at from further away
-SMALL_BLOCK = 8.0  # px: blocks below this are looked at again in a finer picture, if there is one
+FIRST_SIDE = 800  # px: larger pictures are first looked at from further away
+SMALL_BLOCK = 4.5  # px: blocks below this are looked at again in a finer picture, if there is one
+LARGE_BLOCK = 13.0  # px: blocks above this are looked at again in a coarser picture
+SURROUNDED = 5  # agreeing neighbours of eight, from which on a block's own colour need not be beyond doubt
+RIM_MARGIN = 0.3  # of the colour of all other blocks
 FEW_BLOCKS = 0.02  # of the code: less than that decoded, and coarser pictures are tried too
 
 
@@ -73,7 +78,9 @@ def inspect_color_grid(
         best = max(_inspect_at(pattern, picture, halvings), best, key=_decoded)
     coarser = best.halvings
     few = FEW_BLOCKS * len(pattern.code) * len(pattern.code[0])
-    while _decoded(best) < few and min(picture.shape[:2]) / 2 ** (coarser + 1) > 64:
+    while min(picture.shape[:2]) / 2 ** (coarser + 1) > 64:
+        if not (_decoded(best) < few or best.block_px > LARGE_BLOCK * 2**coarser):
+            break
         coarser += 1
         best = max(best, _inspect_at(pattern, picture, coarser), key=_decoded)
     return best
@@ -116,7 +123,7 @@ def _inspect_at(pattern: ColorGrid, picture: Image, halvings: int) -> GridSight:
     blocks = find_blocks(small)
     links = link_blocks(blocks)
     label, margin = separate_colors(blocks.color, links.around, pattern.colors)
-    code = Code(pattern)
+    code = code_of(pattern)
     place = place_blocks(code, links, label)
     nats = surface_evidence(code, links, label, place)
 
@@ -132,6 +139,9 @@ def _inspect_at(pattern: ColorGrid, picture: Image, halvings: int) -> GridSight:
     verdict[index[holder[row, column] != index]] = Verdict.DOUBLED
 
     right = label == code.color(place)
+    agree, _ = agreeing_links(code, links, place)
+    sure = (agree.sum(axis=1) >= SURROUNDED) | (right & (margin > RIM_MARGIN))
+    holder = np.where((holder >= 0) & sure[holder], holder, NONE)
     holder, joints = _on_surfaces(code, blocks, links, place, right, holder)
     held = holder >= 0
     coarse = np.where(held[..., None], (blocks.centre[holder] + 0.5) * scale - 0.5, np.nan)

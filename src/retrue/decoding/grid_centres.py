@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from functools import cache
 from dataclasses import dataclass
 from typing import cast
 
@@ -11,24 +12,24 @@ import numpy as np
 from numpy.typing import NDArray
 
 from retrue.decoding.grid_surface import Joints, agreement, slopes
-from retrue.geometry.arrays import FloatArray, Image
+from retrue.geometry.arrays import BoolArray, FloatArray, Image
 
-LINES = 9  # profiles side by side, over the middle of the block
+LINES = 3  # profiles side by side, over the middle of the block
 SPREAD = 0.8  # of a block's side that the lines cover
 REACH = 0.5  # pitches that a profile reaches to either side: to the middle of the gaps
-SAMPLES = 21  # along a profile
+SAMPLES = 9  # along a profile
 BLUR = 1.0  # px, standard deviation of a typical edge; the fit hardly depends on it
 BLURS = np.geomspace(0.02, 0.4, 25)  # in pitches: one filter each
 SIDE_SAMPLES = 9  # across one side
 SIDE_WINDOW = 0.88  # of half a gap: how far those reach from the side
 CHANNEL_TRUST = np.array([1.0, 2.0, 1.0], np.float32)  # green is sampled twice as densely, and never subsampled
 ROUNDS = 2
-FARTHEST = 0.3  # of a pitch that a centre may lie off the middle of its blob
+FARTHEST = 0.12  # of a pitch that a centre may lie off the middle of its blob
 STRAIGHT = 4.0  # sigmas by which lines through one block may differ on a smooth surface
-DISAGREEMENT = 0.1  # of a pitch between two ways to measure: more, and the block is cut
+DISAGREEMENT = 0.06  # of a pitch between two ways to measure: more, and the block is cut
 
 Samples = NDArray[np.float32]
-_Offset = Callable[[Image, Samples, FloatArray, FloatArray, FloatArray, float], FloatArray]
+_Offset = Callable[["_Smoothed", Samples, FloatArray, FloatArray, FloatArray, float], FloatArray]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -45,6 +46,19 @@ class Centres:
     sigma_px: FloatArray
 
 
+@dataclass(frozen=True, slots=True, eq=False)
+class _Smoothed:
+    """A picture averaged over a box about as wide as samples lie apart, so that few samples see all pixels."""
+
+    pixels: Image
+    blur_px: float
+
+    @classmethod
+    def of(cls, image: Image, pitch: float) -> _Smoothed:
+        side = max(3, 2 * round(pitch / (2 * (SAMPLES - 1))) + 1)
+        return cls(np.asarray(cv2.blur(image, (side, side))), float(np.hypot(BLUR, side / 12**0.5)))
+
+
 def refine_centres(image: Image, coarse: FloatArray, joints: Joints, duty: float) -> Centres:
     """Centres (rows, columns, 2) from the profiles of the blocks, starting from `coarse` (NaN: no block).
 
@@ -56,27 +70,35 @@ def refine_centres(image: Image, coarse: FloatArray, joints: Joints, duty: float
     not fit in with their neighbours are measured again by their sides; what still does not fit is where its
     neighbours say, if those agree, and gone if nothing agrees.
     """
-    right, down, bend = slopes(coarse, joints)
-    known = np.isfinite(coarse[..., 0] + right[..., 0] + down[..., 0])
+    right, down, _ = slopes(coarse, joints)
+    pitch = np.minimum(np.linalg.norm(right, axis=-1), np.linalg.norm(down, axis=-1))
+    known = np.isfinite(pitch)
     if not known.any():
         return Centres(np.full_like(coarse, np.nan), np.full(coarse.shape[:2], np.nan))
-    pitch = np.minimum(np.linalg.norm(right, axis=-1), np.linalg.norm(down, axis=-1))
-    shift = 0.5 * (duty / 2) ** 2 * bend
+    picture = _Smoothed.of(image, float(np.median(pitch[known])))
+    weights = np.zeros((*known.shape, 3), np.float32)
+    weights[known] = _color_weights(picture, coarse[known], right[known], down[known])
 
-    fitted = np.full_like(coarse, np.nan)
-    fitted[known] = _measure(image, (coarse + shift)[known], right[known], down[known], duty, _profile_offset)
-    fitted -= shift
-    fitted[~(np.linalg.norm(fitted - coarse, axis=-1) < FARTHEST * pitch)] = np.nan
+    def measured(rows: BoolArray, start: FloatArray, rounds: int, offset: _Offset) -> FloatArray:
+        """`start` with the blocks `rows` measured anew; NaN where they run away from where they were seen."""
+        position = start.copy()
+        for _ in range(rounds):
+            right, down, bend = slopes(position, joints)
+            now = rows & np.isfinite(position[..., 0] + right[..., 0] + down[..., 0])
+            if not now.any():
+                break
+            shift = 0.5 * (duty / 2) ** 2 * bend[now]
+            p, u, v, w = position[now] + shift, right[now], down[now], weights[now]
+            along, across = offset(picture, w, p, u, v, duty), offset(picture, w, p, v, u, duty)
+            position[now] = p + along[:, None] * u + across[:, None] * v - shift
+            position[~(np.linalg.norm(position - coarse, axis=-1) < FARTHEST * pitch)] = np.nan
+        return position
+
+    fitted = measured(known, coarse, ROUNDS, _profile_offset)
     first = agreement(fitted, joints)
-
     again = known & (first.odd | ~np.isfinite(fitted[..., 0]))
-    by_sides = fitted.copy()
-    by_sides[again] = (
-        _measure(image, (coarse + shift)[again], right[again], down[again], duty, _side_offset) - shift[again]
-    )
-    by_sides[~(np.linalg.norm(by_sides - coarse, axis=-1) < FARTHEST * pitch)] = np.nan
-    second = agreement(by_sides, joints)
-
+    by_sides = measured(again, np.where(again[..., None], coarse, fitted), ROUNDS, _side_offset)
+    second = agreement(by_sides, joints) if again.any() else first
     lost = ~np.isfinite(by_sides[..., 0])
     unsure = again & (second.odd | lost | ~np.isfinite(fitted[..., 0]))
     between = np.linalg.norm(by_sides - fitted, axis=-1)
@@ -88,27 +110,15 @@ def refine_centres(image: Image, coarse: FloatArray, joints: Joints, duty: float
     return Centres(position, sigma)
 
 
-def _measure(image: Image, p: FloatArray, u: FloatArray, v: FloatArray, duty: float, offset: _Offset) -> FloatArray:
-    """Centres (N, 2), from starts p and grid steps u, v (N, 2), by repeated offsets along both."""
-    if len(p) == 0:
-        return p
-    weights = _color_weights(image, p, u, v)
-    for _ in range(ROUNDS):
-        along_u = offset(image, weights, p, u, v, duty)
-        along_v = offset(image, weights, p, v, u, duty)
-        p = p + along_u[:, None] * u + along_v[:, None] * v
-    return p
-
-
-def _color_weights(image: Image, p: FloatArray, u: FloatArray, v: FloatArray) -> Samples:
+def _color_weights(picture: _Smoothed, p: FloatArray, u: FloatArray, v: FloatArray) -> Samples:
     """Weights (N, 3) that make one number of a colour: most where block and gaps differ most."""
-    seen = _sample(image, np.stack([p, p + u / 2, p - u / 2, p + v / 2, p - v / 2], axis=1))
+    seen = _sample(picture, np.stack([p, p + u / 2, p - u / 2, p + v / 2, p - v / 2], axis=1))
     added = np.maximum(seen[:, 0] - seen[:, 1:].min(axis=1), 0) * CHANNEL_TRUST
     return added / np.maximum(added.sum(axis=1, keepdims=True), 1e-6)
 
 
 def _profile_offset(
-    image: Image, weights: Samples, p: FloatArray, u: FloatArray, v: FloatArray, duty: float
+    picture: _Smoothed, weights: Samples, p: FloatArray, u: FloatArray, v: FloatArray, duty: float
 ) -> FloatArray:
     """How far along u, in pitches, the block's middle is from p: least squares of its whole profile.
 
@@ -116,19 +126,21 @@ def _profile_offset(
     order in d that is linear, so A and A d are two fixed filters of the profile.
     """
     t = np.linspace(-REACH, REACH, SAMPLES)
-    profile = _profiles(image, weights, p, u, v, t, duty)
-    height_filters, shift_filters = _filters(t, duty)
-    blur = BLUR / np.maximum(np.linalg.norm(u, axis=-1), 1e-6)
+    profile = _profiles(picture, weights, p, u, v, t, duty)
+    height_filters, shift_filters = _filters(duty)
+    blur = picture.blur_px / np.maximum(np.linalg.norm(u, axis=-1), 1e-6)
     nearest = np.abs(np.log(BLURS) - np.log(blur)[:, None]).argmin(axis=1)
     height = np.einsum("nt,nt->n", height_filters[nearest], profile)
     shift = np.einsum("nt,nt->n", shift_filters[nearest], profile)
     return np.clip(shift / np.maximum(height, 1e-6), -0.15, 0.15)
 
 
-def _filters(t: FloatArray, duty: float) -> tuple[FloatArray, FloatArray]:
-    """For each of BLURS, the filters (len(BLURS), len(t)) that give A and A d of a profile."""
+@cache
+def _filters(duty: float) -> tuple[FloatArray, FloatArray]:
+    """For each of BLURS, the filters (len(BLURS), SAMPLES) that give A and A d of a profile."""
     from scipy.special import ndtr
 
+    t = np.linspace(-REACH, REACH, SAMPLES)
     heights: list[FloatArray] = []
     shifts: list[FloatArray] = []
     for blur in BLURS:
@@ -146,7 +158,7 @@ def _filters(t: FloatArray, duty: float) -> tuple[FloatArray, FloatArray]:
 
 
 def _side_offset(
-    image: Image, weights: Samples, p: FloatArray, u: FloatArray, v: FloatArray, duty: float
+    picture: _Smoothed, weights: Samples, p: FloatArray, u: FloatArray, v: FloatArray, duty: float
 ) -> FloatArray:
     """The same from the two sides alone: a print elsewhere on the block does not matter.
 
@@ -156,7 +168,7 @@ def _side_offset(
     window = SIDE_WINDOW * min(1 - duty, duty) / 2
     t = np.linspace(-window, window, SIDE_SAMPLES)
     across = np.concatenate([duty / 2 + t, -(duty / 2 + t)])
-    profile = _profiles(image, weights, p, u, v, across, duty).reshape(len(p), 2, SIDE_SAMPLES)
+    profile = _profiles(picture, weights, p, u, v, across, duty).reshape(len(p), 2, SIDE_SAMPLES)
     inside, outside = profile[..., 0], profile[..., -1]
     height = (profile.mean(axis=-1) - outside) / np.maximum(inside - outside, 1e-6)
     edge = (np.clip(height, 0.0, 1.0) - 0.5) * 2 * window
@@ -164,17 +176,17 @@ def _side_offset(
 
 
 def _profiles(
-    image: Image, weights: Samples, p: FloatArray, u: FloatArray, v: FloatArray, t: FloatArray, duty: float
+    picture: _Smoothed, weights: Samples, p: FloatArray, u: FloatArray, v: FloatArray, t: FloatArray, duty: float
 ) -> FloatArray:
     """(N, len(t)) mean over lines parallel to u, `t` in pitches along u from p."""
     s = np.linspace(-0.5, 0.5, LINES) * duty * SPREAD
     along, beside = t[:, None, None] * u[:, None, None], s[:, None] * v[:, None, None]
-    seen = _sample(image, p[:, None, None] + along + beside).mean(axis=2)
-    return np.einsum("ntc,nc->nt", seen, weights).astype(np.float64)
+    seen = _sample(picture, p[:, None, None] + along + beside)
+    return np.einsum("ntlc,nc->nt", seen, weights).astype(np.float64) / LINES
 
 
-def _sample(image: Image, at: FloatArray) -> Samples:
-    """`image` at points (N, ..., 2), interpolated: (N, ..., 3)."""
+def _sample(picture: _Smoothed, at: FloatArray) -> Samples:
+    """`picture` at points (N, ..., 2), interpolated: (N, ..., 3)."""
     maps = at.reshape(len(at), -1, 2).astype(np.float32)
-    seen = cv2.remap(image, maps[..., 0], maps[..., 1], cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
+    seen = cv2.remap(picture.pixels, maps[..., 0], maps[..., 1], cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
     return cast(Samples, np.asarray(seen, dtype=np.float32).reshape(*at.shape[:-1], 3))

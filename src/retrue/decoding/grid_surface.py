@@ -12,7 +12,7 @@ CREASE = 0.1  # change of the pitch from one block to the next that no smooth su
 OUTLIER_SIGMAS = 5.0
 LEAST_SIGMA = 0.02  # px
 STEP_CHANGE = 0.25  # of a step, to the most similar step beside it or before or after it, on one surface
-SIZE_CHANGE = 1.6  # of a block's area, to what the steps to its neighbours make it
+SIZE_CHANGE = 1.4  # of a block's area, to what the steps to its neighbours make it
 DIRECTIONS = ((0, 1), (1, 0), (1, 1), (1, -1))
 
 
@@ -101,7 +101,7 @@ class Agreement:
 
     Attributes
     ----------
-    odd : (rows, columns) blocks that fit in no line of three, in none of the four directions.
+    odd : (rows, columns) blocks that fit in no line of three, in none of the four directions, or that have no such line.
     expected : (rows, columns, 2) where the lines of three that hold no odd block say it is; NaN: nowhere.
     spread : (rows, columns) largest distance between those lines.
     sigma : noise of one coordinate, of the whole picture.
@@ -126,7 +126,7 @@ def agreement(position: FloatArray, joints: Joints) -> Agreement:
     sample = np.abs(off[known])
     sigma = max(float(np.median(sample)) / (0.6745 * 1.5**0.5), LEAST_SIGMA) if len(sample) else LEAST_SIGMA
     closest = np.min(np.where(known, distance, np.inf), axis=0)
-    odd = np.isfinite(closest) & (closest > OUTLIER_SIGMAS * sigma)
+    odd = np.isfinite(position[..., 0]) & (closest > OUTLIER_SIGMAS * sigma)
     clean = np.where(odd[..., None], np.nan, position)
     lines = np.stack([_middle(clean, joints, direction) for direction in DIRECTIONS])
     count = np.isfinite(lines[..., 0]).sum(axis=0)

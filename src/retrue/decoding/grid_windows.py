@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from functools import lru_cache
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -13,6 +15,9 @@ from retrue.patterns.color_grid import ColorGrid
 EXACT_VOTE, CORRECTED_VOTE = 3, 1
 SIGNIFICANCE = 14.0  # nats by which a surface must beat chance, over all places that the code offers
 OFFSETS = np.array([(r, c) for r in (-1, 0, 1) for c in (-1, 0, 1)])  # the cells of a window, row by row
+
+
+COSINE, SINE = np.array([1, 0, -1, 0]), np.array([0, 1, 0, -1])  # of quarter turns
 
 
 class Code:
@@ -33,6 +38,7 @@ class Code:
             windows.append(self.cells[at[..., 0], at[..., 1]])
             places.append((inner[:, 0] * self.columns + inner[:, 1]) * 4 + rotation)
         self.windows, self.places = np.concatenate(windows), np.concatenate(places)
+        self.tables = {without: self._table(without) for without in (None, *range(9))}
 
     def split(self, place: IntArray) -> tuple[IntArray, IntArray, IntArray]:
         """Row, column and rotation of places."""
@@ -53,28 +59,32 @@ class Code:
 
     def find(self, seen: IntArray, without: int | None = None) -> IntArray:
         """Place of each window (N, 9) of colour indices, one cell left out if asked; -1 where none or several fit."""
-        weight = self.base ** np.arange(9)
-        if without is not None:
-            weight[without] = 0
-        keys = self.windows @ weight
-        order = np.argsort(keys, kind="stable")
-        keys = keys[order]
+        weight, keys, places = self.tables[without]
         wanted = seen @ weight
         first = np.searchsorted(keys, wanted)
         found = keys[np.minimum(first, len(keys) - 1)] == wanted
-        only = keys[np.minimum(first + 1, len(keys) - 1)] != wanted
-        only |= first + 1 >= len(keys)
-        complete = (np.delete(seen, without, axis=1) if without is not None else seen).min(axis=1) >= 0
-        return np.where(found & only & complete, self.places[order[np.minimum(first, len(keys) - 1)]], NONE)
+        return np.where(found & (seen[:, weight > 0] >= 0).all(axis=1), places[np.minimum(first, len(keys) - 1)], NONE)
+
+    def _table(self, without: int | None) -> tuple[IntArray, IntArray, IntArray]:
+        """Weights (9,) that make a key of a window, the keys that only one window has, in order, and their places."""
+        weight = self.base ** np.arange(9)
+        if without is not None:
+            weight[without] = 0
+        keys, first, count = np.unique(self.windows @ weight, return_index=True, return_counts=True)
+        return weight, keys[count == 1], self.places[first[count == 1]]
+
+
+@lru_cache(maxsize=4)
+def code_of(pattern: ColorGrid) -> Code:
+    """The tables of a pattern, made once."""
+    return Code(pattern)
 
 
 def rotated(offset: IntArray, quarter_turns: IntArray) -> IntArray:
     """(row, column) offsets, turned so that right becomes down at one quarter turn."""
-    r, c = np.broadcast_arrays(offset[..., 0], quarter_turns)[0], offset[..., 1]
-    q = quarter_turns % 4
-    row = np.choose(q, [r, c, -r, -c])
-    column = np.choose(q, [c, -r, -c, r])
-    return np.stack([row, column], axis=-1)
+    cosine, sine = COSINE[quarter_turns], SINE[quarter_turns]
+    row, column = offset[..., 0], offset[..., 1]
+    return np.stack([row * cosine + column * sine, column * cosine - row * sine], axis=-1)
 
 
 def place_blocks(code: Code, links: Links, label: IntArray) -> IntArray:
@@ -84,18 +94,18 @@ def place_blocks(code: Code, links: Links, label: IntArray) -> IntArray:
     exact = code.find(seen)
     voters = [(exact, EXACT_VOTE)]
     open_rows = np.flatnonzero((exact < 0) & ((seen >= 0).sum(axis=1) >= 8))
-    for cell in range(9):
+    for cell in range(9) if len(open_rows) else ():
         corrected = np.full(len(seen), NONE)
         corrected[open_rows] = code.find(seen[open_rows], without=cell)
         voters.append((corrected, CORRECTED_VOTE))
     place = _vote(code, links, voters)
     for _ in range(4):
-        place = _drop_disputed(code, links, place)
+        place = _drop_disputed(code, links, label, place)
         grown = _grow(code, links, label, place)
         if np.array_equal(grown, place):
             break
         place = grown
-    return _drop_disputed(code, links, place)
+    return _drop_disputed(code, links, label, place)
 
 
 def agreeing_links(code: Code, links: Links, place: IntArray) -> tuple[BoolArray, BoolArray]:
@@ -160,11 +170,11 @@ def _vote(code: Code, links: Links, voters: list[tuple[IntArray, int]]) -> IntAr
         places.append(place[use])
         weights.append(np.full(int(use.sum()), weight))
     block, place, weight = np.concatenate(blocks), np.concatenate(places), np.concatenate(weights)
-    return _majority(len(links.around), block, place, weight, least=CORRECTED_VOTE + 1)
+    return _majority(len(links.around), block, place, weight, lead=2.0)
 
 
-def _majority(count: int, block: IntArray, place: IntArray, weight: NDArray[np.int64], least: int) -> IntArray:
-    """Place with the most votes of each block, where it has `least` and twice as many as all others together."""
+def _majority(count: int, block: IntArray, place: IntArray, weight: NDArray[np.int64], lead: float) -> IntArray:
+    """Place with the most votes of each block, where it has two and more than `lead` times as many as all others together."""
     result = np.full(count, NONE)
     if len(block) == 0:
         return result
@@ -173,14 +183,16 @@ def _majority(count: int, block: IntArray, place: IntArray, weight: NDArray[np.i
     votes = np.bincount(inverse, weight)
     owner = ballot // span
     cast = np.bincount(owner, votes, count)
-    wins = (votes >= least) & (votes > 2 * (cast[owner] - votes))
+    wins = (votes >= 2) & (votes > lead * (cast[owner] - votes))
     result[owner[wins]] = ballot[wins] % span
     return result
 
 
-def _drop_disputed(code: Code, links: Links, place: IntArray) -> IntArray:
+def _drop_disputed(code: Code, links: Links, label: IntArray, place: IntArray) -> IntArray:
+    """A place stands against a minority of the neighbours; of a colour that is not the code's, against half as many."""
     agree, against = agreeing_links(code, links, place)
-    keep = agree.sum(axis=1) > 2 * against.sum(axis=1)
+    right = code.color(place) == label
+    keep = agree.sum(axis=1) > np.where(right, 1, 2) * against.sum(axis=1)
     return np.where(keep, place, NONE)
 
 
@@ -191,5 +203,5 @@ def _grow(code: Code, links: Links, label: IntArray, place: IntArray) -> IntArra
     use = (target >= 0) & (said >= 0)
     use &= np.where(use, place[target] < 0, False) & (code.color(said) == np.where(use, label[target], NONE))
     block, where = target[use], said[use]
-    grown = _majority(len(place), block, where, np.ones(len(block), np.int64), least=2)
+    grown = _majority(len(place), block, where, np.ones(len(block), np.int64), lead=1.0)
     return np.where(place >= 0, place, grown)
