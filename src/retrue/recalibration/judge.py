@@ -8,12 +8,17 @@ import numpy as np
 
 from retrue.geometry.arrays import FloatArray
 from retrue.geometry.transform import direction_angle
+from retrue.geometry.two_view import FREE
 from retrue.recalibration.candidates import Comparison
+from retrue.recalibration.estimate import Estimate
 from retrue.recalibration.fit import PoseFit
 from retrue.recalibration.options import RecalibrateOptions
+from retrue.recalibration.prepare import Rays
 from retrue.recalibration.result import Evidence
+from retrue.recalibration.systematic import focal_change
 
 FOLD_DEG = 2.0  # t so near the plane's normal that no covariance holds
+FOCAL_SIGMAS = 4.0  # beyond which a changed focal length is believed
 
 
 @dataclass(frozen=True, slots=True)
@@ -51,19 +56,52 @@ def choose_twin(comparison: Comparison, old_t: FloatArray, options: RecalibrateO
     )
 
 
-def inconsistency(fit: PoseFit, options: RecalibrateOptions) -> str | None:
+def supporting_rays(estimate: Estimate, options: RecalibrateOptions) -> Rays:
+    """What the final fit rests on: all points, but only those on planes where the others told nothing.
+
+    Points off the plane that do not settle the twin are few, or wrong: those that happen to agree would pull
+    the pose where the plane holds it least.
+    """
+    if twin_is_resolved(estimate.comparison, options):
+        return estimate.rays
+    return estimate.rays.select(estimate.rays.points.plane_index != FREE)
+
+
+def inconsistency(fit: PoseFit, rays: Rays, estimate: Estimate, options: RecalibrateOptions) -> str | None:
     """Why the correspondences do not belong to one pose at all; None where they do."""
-    share = float(np.mean(fit.explained))
+    share = np.count_nonzero(fit.explained) / len(estimate.rays)
     if not (share >= 1 - options.max_outliers and fit.epipolar_noise.level <= options.max_noise_px):
         return (
             f"{share:.0%} of the correspondences agree with one pose, to {fit.epipolar_noise.level:.2g} px; expected"
             f" {1 - options.max_outliers:.0%} or more, to {options.max_noise_px:g} px: was something moving, have the"
             " intrinsics changed, or is it another rig's picture?"
         )
+    if not fit.epipolar_noise.shared <= options.max_structure_px:
+        return (
+            f"neighbouring residuals share {fit.epipolar_noise.shared:.2g} px that no pose explains; have the"
+            " intrinsics changed (zoom, focus)? then calibrate anew"
+        )
+    for index in range(len(fit.pose.planes)):
+        mine = rays.points.plane_index == index
+        if not np.mean(fit.explained[mine]) >= 0.5:
+            return (
+                f"a plane with {np.count_nonzero(mine)} correspondences contradicts the pose of the others; was"
+                " something moving, or are pictures of two poses mixed?"
+            )
+    for device in ("camera", "projector"):
+        found = focal_change(rays.points, fit, device)
+        told = found.sigma < options.max_focal_change / 2  # a single plane takes up any focal length
+        if told and not abs(found.amount) <= max(options.max_focal_change, FOCAL_SIGMAS * found.sigma):
+            return (
+                f"the points ask for a focal length of the {device} that is {found.amount:+.1%} off"
+                f" (sigma {found.sigma:.1%}); was it zoomed or refocused? then calibrate anew"
+            )
     return None
 
 
-def objection(fit: PoseFit, evidence: Evidence, comparison: Comparison, options: RecalibrateOptions) -> str | None:
+def objection(
+    fit: PoseFit, rays: Rays, estimate: Estimate, evidence: Evidence, options: RecalibrateOptions
+) -> str | None:
     """Why a resolved pose is still not to be trusted, and what to do; None where nothing speaks against it."""
     if evidence.sigma is None or not (
         evidence.sigma.rotation_deg <= options.max_sigma_rotation_deg
@@ -78,10 +116,18 @@ def objection(fit: PoseFit, evidence: Evidence, comparison: Comparison, options:
             )
         )
         return f"the pose is too uncertain ({found}); fill more of the picture, or add captures"
-    problem = inconsistency(fit, options)
+    problem = inconsistency(fit, rays, estimate, options)
     if problem is not None:
         return problem
-    if not twin_is_resolved(comparison, options):
+    if evidence.change is None or not (
+        evidence.change.rotation_deg <= options.max_change_deg
+        and evidence.change.translation_deg <= options.max_change_deg
+    ):
+        return (
+            f"the pose would have changed by more than {options.max_change_deg:g} deg, which no bump does; is it this"
+            " rig's picture? if it was rebuilt, allow for it with --limits.max-change-deg"
+        )
+    if not twin_is_resolved(estimate.comparison, options):
         normals = fit.pose.planes / np.linalg.norm(fit.pose.planes, axis=1, keepdims=True)
         fold = min(
             (direction_angle(sign * fit.pose.t, fit.pose.R @ n) for n in normals for sign in (1, -1)), default=np.inf

@@ -52,12 +52,20 @@ class RecalibrateOptions:
         A direction of t less certain than this is refused.
     max_noise_px
         Correspondences noisier than this, about the pose that fits them best, are none.
+    max_structure_px
+        Residuals that neighbours share beyond this are no noise: the intrinsics do not hold.
     max_outliers
         Share of correspondences that may contradict the pose.
+    max_change_deg
+        A rotation, or a direction of t, that changed by more than this is refused: no bump does that.
     focal_sigma
-        How well the focal lengths are known, relative; for the second sigma in the evidence.
+        How well the focal lengths are known, relative; part of the sigma of the pose.
     principal_point_sigma_px
-        How well the principal points are known, likewise.
+        How well the principal points are known; likewise.
+    flatness_sigma
+        How far planes are bowed, RMS relative to their distance; likewise.
+    max_focal_change
+        Residuals that ask for a focal length further off than this, relative, are a sign of zoom or focus.
     seed
         Of the random samples; the same points and seed give the same answer.
     """
@@ -71,9 +79,13 @@ class RecalibrateOptions:
     max_planes: int = 4
     max_points: int = 20_000
     max_sigma_rotation_deg: float = 1.0
-    max_sigma_translation_deg: float = 3.0
+    max_sigma_translation_deg: float = 5.0
     max_noise_px: float = 2.0
-    max_outliers: float = 0.5
-    focal_sigma: float = 5e-4
-    principal_point_sigma_px: float = 0.5
+    max_structure_px: float = 0.15
+    max_outliers: float = 0.65
+    max_change_deg: float = 45.0
+    focal_sigma: float = 1e-3
+    principal_point_sigma_px: float = 1.0
+    flatness_sigma: float = 5e-4
+    max_focal_change: float = 5e-3
     seed: int = 0

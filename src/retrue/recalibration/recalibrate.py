@@ -13,11 +13,12 @@ from retrue.geometry.transform import RigidTransform
 from retrue.recalibration.estimate import Estimate, estimate_pose
 from retrue.recalibration.evidence import candidate, change, rms, sigma
 from retrue.recalibration.fit import PoseFit, picture_blocks, refine
-from retrue.recalibration.intrinsics import intrinsics_covariance
-from retrue.recalibration.judge import choose_twin, objection
+from retrue.recalibration.judge import Choice, choose_twin, objection, supporting_rays
 from retrue.recalibration.options import RecalibrateOptions
+from retrue.recalibration.prepare import Rays
 from retrue.recalibration.result import Accepted, Evidence, PoseCandidate, Refused
 from retrue.recalibration.scale import translation_length
+from retrue.recalibration.systematic import focal_change, systematic_covariance
 from retrue.rig import Rig
 
 
@@ -52,11 +53,11 @@ def recalibrate(
         choice = choose_twin(estimate.comparison, rig.projector_from_camera.t, options)
         if choice.index is None:
             return Refused(choice.resolved_by, _unresolved(rig, estimate, total, options))
-        rays = estimate.rays
+        rays = supporting_rays(estimate, options)
         chosen = estimate.comparison.fits[choice.index]
         fit = refine(chosen.pose, rays.points, picture_blocks(rays.points.camera_rays, rays.capture), iterations=2)
-        evidence = _evidence(rig, estimate, choice.index, fit, choice.resolved_by, total, options)
-        problem = objection(fit, evidence, estimate.comparison, options)
+        evidence = _evidence(rig, estimate, rays, choice, fit, total, options)
+        problem = objection(fit, rays, estimate, evidence, options)
     except DegenerateError as error:
         return Refused(str(error), Evidence(total))
     if problem is not None:
@@ -68,37 +69,38 @@ def recalibrate(
 def _evidence(
     rig: Rig,
     estimate: Estimate,
-    chosen: int,
+    rays: Rays,
+    choice: Choice,
     fit: PoseFit,
-    resolved_by: str,
     total: int,
     options: RecalibrateOptions,
 ) -> Evidence:
-    rays = estimate.rays
-    others = [other for k, other in enumerate(estimate.comparison.fits) if k != chosen]
-    length = _length(rig, estimate, fit, options)
+    others = [other for k, other in enumerate(estimate.comparison.fits) if k != choice.index]
+    length = _length(rig, rays, fit, options)
     candidates = [
         candidate(fit, rays.points, fit.explained, length, chosen=True),
         *_candidates(estimate, others, length),
     ]
-    order = [0, 1] if chosen == 0 else [1, 0]
+    order = [0, 1] if choice.index == 0 else [1, 0]
     covariance = fit.covariance
-    with_intrinsics = sigma(covariance + intrinsics_covariance(rig, rays.points, fit, options))
+    statistical = sigma(covariance)
+    focal = {device: focal_change(rays.points, fit, device) for device in ("camera", "projector")}
     return Evidence(
         correspondences=total,
         candidates=tuple(candidates[k] for k in order[: len(candidates)]),
         rms_px=rms(fit.found.epipolar[fit.explained]),
         change=change(rig.projector_from_camera, candidates[0].projector_from_camera),
-        sigma=sigma(covariance),
-        resolved_by=resolved_by,
+        sigma=sigma(covariance + systematic_covariance(rig, rays.points, fit, options)),
+        resolved_by=choice.resolved_by,
         scale=_scale_policy(options),
         details={
             "covariance": covariance.tolist(),
-            "sigma_with_intrinsics": {
-                "rotation_deg": with_intrinsics.rotation_deg,
-                "translation_deg": with_intrinsics.translation_deg,
+            "sigma_statistical": {
+                "rotation_deg": statistical.rotation_deg,
+                "translation_deg": statistical.translation_deg,
             },
-            "points_used": len(rays),
+            "focal_change": {device: found.amount for device, found in focal.items()},
+            "points_used": len(estimate.rays),
             "points_explained": int(np.count_nonzero(fit.explained)),
             "planes": len(fit.pose.planes),
             "noise_px": fit.epipolar_noise.level,
@@ -129,11 +131,11 @@ def _candidates(estimate: Estimate, fits: list[PoseFit], length: float) -> list[
     return [candidate(fit, points, scored, length, chosen=False) for fit in fits]
 
 
-def _length(rig: Rig, estimate: Estimate, fit: PoseFit, options: RecalibrateOptions) -> float:
+def _length(rig: Rig, rays: Rays, fit: PoseFit, options: RecalibrateOptions) -> float:
     if options.known_distance is None:
         return float(np.linalg.norm(rig.projector_from_camera.t))
-    first_capture = estimate.rays.capture == 0
-    return translation_length(options.known_distance, rig.camera, fit.pose, estimate.rays.points.select(first_capture))
+    first_capture = rays.points.select(rays.capture == 0)
+    return translation_length(options.known_distance, rig.camera, fit.pose, first_capture)
 
 
 def _scale_policy(options: RecalibrateOptions) -> str:

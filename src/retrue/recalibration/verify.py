@@ -26,10 +26,11 @@ from retrue.geometry.two_view import (
 from retrue.recalibration.estimate import Estimate, estimate_pose
 from retrue.recalibration.evidence import change, rms, sigma
 from retrue.recalibration.fit import PoseFit, picture_blocks, refine
-from retrue.recalibration.intrinsics import intrinsics_covariance
-from retrue.recalibration.judge import inconsistency, twin_is_resolved
+from retrue.recalibration.judge import inconsistency, supporting_rays, twin_is_resolved
 from retrue.recalibration.options import RecalibrateOptions
+from retrue.recalibration.prepare import Rays
 from retrue.recalibration.result import PoseSigma, Verification
+from retrue.recalibration.systematic import systematic_covariance
 from retrue.rig import Rig
 
 
@@ -80,18 +81,16 @@ def verify(rig: Rig, captures: Sequence[Correspondences], options: VerifyOptions
     total = sum(len(capture) for capture in captures)
     try:
         estimate = estimate_pose(rig, captures, options.estimate)
-        fit = _supported_fit(rig, estimate, options.estimate)
+        rays = supporting_rays(estimate, options.estimate)
+        fit = _supported_fit(rig, estimate, rays, options.estimate)
     except DegenerateError as error:
         return Verification("unknown", str(error), None, total)
     old = rig.projector_from_camera
-    points = estimate.rays.points
     unit_t = old.t / np.linalg.norm(old.t)
-    epipolar_rms = rms(epipolar_residuals(old.R, unit_t, points)[fit.explained])
+    epipolar_rms = rms(epipolar_residuals(old.R, unit_t, rays.points)[fit.explained])
     difference = pose_difference(fit.pose, old)
     covariance = (
-        fit.covariance
-        + intrinsics_covariance(rig, estimate.rays.points, fit, options.estimate)
-        + _rig_covariance(rig, options)
+        fit.covariance + systematic_covariance(rig, rays.points, fit, options.estimate) + _rig_covariance(rig, options)
     )
     distance = float(np.sqrt(difference @ np.linalg.solve(covariance, difference)))
     found = change(old, RigidTransform(fit.pose.R, fit.pose.t * np.linalg.norm(old.t)))
@@ -102,7 +101,7 @@ def verify(rig: Rig, captures: Sequence[Correspondences], options: VerifyOptions
         return Verification(word, reason, epipolar_rms, total, found, distance, uncertainty)
 
     moved = f"{found.rotation_deg:.3f} deg in rotation, {found.translation_deg:.3f} deg in the direction of t"
-    problem = inconsistency(fit, options.estimate)
+    problem = inconsistency(fit, rays, estimate, options.estimate)
     if problem is not None:
         return verdict("unknown", problem)
     own = sigma(fit.covariance)
@@ -140,9 +139,9 @@ def pose_difference(pose: TwoViewPose, old: RigidTransform) -> FloatArray:
     return np.concatenate([vector_from_rotation(pose.R @ old.R.T), across])
 
 
-def _supported_fit(rig: Rig, estimate: Estimate, options: RecalibrateOptions) -> PoseFit:
+def _supported_fit(rig: Rig, estimate: Estimate, rays: Rays, options: RecalibrateOptions) -> PoseFit:
     """The pose of the captures on all points: the resolved candidate, else the one nearer to the rig."""
-    comparison, rays = estimate.comparison, estimate.rays
+    comparison = estimate.comparison
     chosen = comparison.fits[0]
     if not twin_is_resolved(comparison, options):
         chosen = min(comparison.fits, key=lambda fit: _distance(fit, rig.projector_from_camera))
