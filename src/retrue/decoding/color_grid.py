@@ -6,35 +6,18 @@ from typing import Any, cast
 
 import cv2
 import numpy as np
-from numpy.typing import NDArray
 
 from retrue.correspondences import Correspondences
 from retrue.decoding.grid_advice import advise
-from retrue.decoding.grid_blocks import Blocks, find_blocks
-from retrue.decoding.grid_centres import refine_centres
-from retrue.decoding.grid_colors import separate_colors
-from retrue.decoding.grid_links import NONE, Links, link_blocks
-from retrue.decoding.grid_sight import GridSight, Verdict
-from retrue.decoding.grid_surface import Joints, in_squares, sound_joints, whole_blocks
-from retrue.decoding.grid_windows import (
-    SIGNIFICANCE,
-    Code,
-    agreeing_links,
-    code_of,
-    joined_places,
-    patch_evidence,
-    place_blocks,
-    surface_evidence,
-)
+from retrue.decoding.grid_look import look
+from retrue.decoding.grid_sight import GridSight
 from retrue.errors import InputError
-from retrue.geometry.arrays import BoolArray, Image, IntArray
+from retrue.geometry.arrays import FloatArray, Image
 from retrue.patterns.color_grid import ColorGrid
 
 FIRST_SIDE = 800  # px: larger pictures are first looked at from further away
 SMALL_BLOCK = 4.5  # px: blocks below this are looked at again in a finer picture, if there is one
 LARGE_BLOCK = 13.0  # px: blocks above this are looked at again in a coarser picture
-SURROUNDED = 5  # agreeing neighbours of eight, from which on a block's own colour need not be beyond doubt
-RIM_MARGIN = 0.3  # of the colour of all other blocks
 FEW_BLOCKS = 0.02  # of the code: less than that decoded, and coarser pictures are tried too
 
 
@@ -72,17 +55,17 @@ def inspect_color_grid(
     halvings = 0
     while max(picture.shape[:2]) / 2**halvings > FIRST_SIDE:
         halvings += 1
-    best = _inspect_at(pattern, picture, halvings)
+    best = look(pattern, picture, halvings)
     while halvings > 0 and best.block_px < SMALL_BLOCK * 2**best.halvings:
         halvings -= 1
-        best = max(_inspect_at(pattern, picture, halvings), best, key=_decoded)
+        best = max(look(pattern, picture, halvings), best, key=_decoded)
     coarser = best.halvings
     few = FEW_BLOCKS * len(pattern.code) * len(pattern.code[0])
     while min(picture.shape[:2]) / 2 ** (coarser + 1) > 64:
         if not (_decoded(best) < few or best.block_px > LARGE_BLOCK * 2**coarser):
             break
         coarser += 1
-        best = max(best, _inspect_at(pattern, picture, coarser), key=_decoded)
+        best = max(best, look(pattern, picture, coarser), key=_decoded)
     return best
 
 
@@ -110,81 +93,6 @@ def correspondences_of(sight: GridSight) -> Correspondences:
         cells=cells,
         card=card,
     )
-
-
-def _inspect_at(pattern: ColorGrid, picture: Image, halvings: int) -> GridSight:
-    """One look at the picture, halved so many times."""
-    scale = 2**halvings
-    h, w = picture.shape[0] // scale, picture.shape[1] // scale
-    small = picture[: h * scale, : w * scale]
-    if halvings:
-        small = np.asarray(cv2.resize(small, (w, h), interpolation=cv2.INTER_AREA))
-    small = _eight_bits(small)
-    blocks = find_blocks(small)
-    links = link_blocks(blocks)
-    label, margin = separate_colors(blocks.color, links.around, pattern.colors)
-    code = code_of(pattern)
-    place = place_blocks(code, links, label)
-    nats = surface_evidence(code, links, label, place)
-
-    verdict = np.full(len(blocks), Verdict.DECODED, dtype=np.int64)
-    verdict[~(nats > SIGNIFICANCE)] = Verdict.TOO_FEW
-    verdict[place < 0] = Verdict.NO_PLACE
-    verdict[(links.neighbour < 0).all(axis=1)] = Verdict.ALONE
-    index = np.flatnonzero(verdict == Verdict.DECODED)
-    index = index[np.argsort(nats[index], kind="stable")]  # of two blocks in one place, the surer surface's comes last
-    row, column, _ = code.split(place[index])
-    holder = np.full((code.rows, code.columns), -1)
-    holder[row, column] = index
-    verdict[index[holder[row, column] != index]] = Verdict.DOUBLED
-
-    right = label == code.color(place)
-    agree, _ = agreeing_links(code, links, place)
-    sure = (agree.sum(axis=1) >= SURROUNDED) | (right & (margin > RIM_MARGIN))
-    holder = np.where((holder >= 0) & sure[holder], holder, NONE)
-    holder, joints = _on_surfaces(code, blocks, links, place, right, holder)
-    held = holder >= 0
-    coarse = np.where(held[..., None], (blocks.centre[holder] + 0.5) * scale - 0.5, np.nan)
-    centres = refine_centres(picture, coarse, joints, pattern.block / pattern.pitch)
-    lost = np.setdiff1d(np.flatnonzero(verdict == Verdict.DECODED), holder[np.isfinite(centres.camera_px[..., 0])])
-    verdict[lost] = Verdict.OFF_SURFACE
-    color = np.zeros((code.rows, code.columns, 3), np.uint8)
-    color[held] = np.clip(blocks.color[holder[held]], 0, 255)
-    confidence = np.zeros((code.rows, code.columns))
-    confidence[held] = np.where(right, 0.5 + 0.5 * margin, 0.5 * (1 - margin))[holder[held]]
-    return GridSight(
-        pattern=pattern,
-        picture=picture,
-        halvings=halvings,
-        blocks=blocks,
-        links=links,
-        label=label,
-        place=place,
-        verdict=verdict,
-        holder=holder,
-        centre_px=centres.camera_px,
-        sigma_px=centres.sigma_px,
-        confidence=confidence,
-        color=color,
-    )
-
-
-def _on_surfaces(
-    code: Code, blocks: Blocks, links: Links, place: IntArray, right: BoolArray, holder: IntArray
-) -> tuple[IntArray, Joints]:
-    """`holder` (rows, columns) without the blocks whose size or distance from their neighbours is not their surface's."""
-    joints = Joints(np.zeros((code.rows, code.columns - 1), bool), np.zeros((code.rows - 1, code.columns), bool))
-    if not (holder >= 0).any():
-        return holder, joints
-    area = 12 * np.sqrt(np.maximum(np.linalg.det(blocks.shape), 0.0))
-    for _ in range(2):
-        held = holder >= 0
-        position = np.where(held[..., None], blocks.centre[holder], np.nan)
-        joints = sound_joints(position, joined_places(links, place, holder))
-        keep = held & in_squares(joints) & whole_blocks(np.where(held, area[holder], np.nan), position, joints)
-        keep &= patch_evidence(code, joints, keep, right[holder]) > SIGNIFICANCE
-        holder = np.where(keep, holder, NONE)
-    return holder, joints.between(holder >= 0)
 
 
 def _decoded(sight: GridSight) -> int:
@@ -227,14 +135,7 @@ def _same_size(image: Image, other: Image, name: str) -> None:
         )
 
 
-def _eight_bits(picture: Image) -> NDArray[np.uint8]:
-    if picture.dtype == np.uint8:
-        return picture
-    brightest = max(float(np.percentile(picture[::4, ::4], 99.9)), 1.0)
-    return np.asarray(cv2.convertScaleAbs(picture, alpha=255.0 / brightest), dtype=np.uint8)
-
-
-def _coverage(points: NDArray[np.float64], width: int, height: int) -> float:
+def _coverage(points: FloatArray, width: int, height: int) -> float:
     """Share of the picture inside the convex hull of the points."""
     if len(points) < 3:
         return 0.0

@@ -55,7 +55,8 @@ def find_blocks(picture: Gray) -> Blocks:
     middle = cv2.addWeighted(top, 0.5, bottom, 0.5, 0)
     contrast = cv2.subtract(top, bottom)
     threshold = max(MIN_CONTRAST, NOISE_SIGMAS * _noise(height))
-    mask = cv2.bitwise_and(cv2.compare(height, middle, cv2.CMP_GT), cv2.compare(contrast, threshold, cv2.CMP_GT))
+    _, visible = cv2.threshold(contrast, threshold, 255, cv2.THRESH_BINARY)
+    mask = cv2.bitwise_and(cv2.compare(height, middle, cv2.CMP_GT), visible)
     _, labels, stats, centroids = cv2.connectedComponentsWithStats(mask, connectivity=4, ltype=cv2.CV_32S)
     area = stats[:, cv2.CC_STAT_AREA]
     keep = (area >= MIN_AREA) & (area <= MAX_AREA)
@@ -79,6 +80,8 @@ def find_blocks(picture: Gray) -> Blocks:
 def _noise(height: Gray) -> float:
     """Standard deviation of the pixel noise, from the median second difference along a sample of rows."""
     rows = height[::7].astype(np.int16)
+    if rows.shape[1] < 3:
+        return 0.0
     return float(np.median(np.abs(rows[:, :-2] - 2 * rows[:, 1:-1] + rows[:, 2:]))) / (0.6745 * 6**0.5)
 
 

@@ -47,6 +47,22 @@ class ColorGrid:
     code: tuple[tuple[int, ...], ...]
     distance: int | None = None
 
+    def __post_init__(self) -> None:
+        colors = tuple((int(r), int(g), int(b)) for r, g, b in self.colors)
+        code = tuple(tuple(int(k) for k in row) for row in self.code)
+        if not (len(code) >= 1 and len({len(row) for row in code}) == 1 and len(code[0]) >= 1):
+            raise InputError("color grid: expected a code of rows of equal length")
+        if not all(0 <= k < len(colors) for row in code for k in row):
+            raise InputError(f"color grid: expected indices 0 .. {len(colors) - 1} in the code, one for each colour")
+        if not 0 < self.block <= self.pitch:
+            raise InputError(f"color grid: expected 0 < block <= pitch, found {self.block:g} and {self.pitch:g}")
+        width, height = self.projector_size
+        x, y = self.origin
+        object.__setattr__(self, "projector_size", (int(width), int(height)))
+        object.__setattr__(self, "colors", colors)
+        object.__setattr__(self, "origin", (float(x), float(y)))
+        object.__setattr__(self, "code", code)
+
     def centres(self) -> FloatArray:
         """Projector pixels (rows, columns, 2) of the block centres."""
         column, row = np.meshgrid(np.arange(len(self.code[0])), np.arange(len(self.code)))
@@ -129,11 +145,11 @@ def make_color_grid(
     # A block's sides lie between pixels: its first pixel is a whole number.
     origin = tuple((size - need) // 2 + (block - 1) / 2 for size, need in zip(projector_size, needed, strict=True))
     return ColorGrid(
-        projector_size=(int(width), int(height)),
-        colors=tuple((int(r), int(g), int(b)) for r, g, b in colors),
+        projector_size=projector_size,
+        colors=colors,
         pitch=pitch,
         block=block,
         origin=(origin[0], origin[1]),
-        code=tuple(tuple(int(k) for k in row) for row in code),
+        code=tuple(tuple(row) for row in code.tolist()),
         distance=distance,
     )

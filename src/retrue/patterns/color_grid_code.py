@@ -13,7 +13,7 @@ from retrue.geometry.arrays import IntArray
 CELLS = 9
 TURNED = (6, 3, 0, 7, 4, 1, 8, 5, 2)  # where each cell of a window comes from when it is turned by a quarter
 HOPELESS = 2.0  # expected clashes of a random window with all others: above, no search is started
-PATIENCE = 4  # steps of the search, for each cell of the code, before a smaller distance is tried
+PATIENCE = 5_000  # dead ends of the search before a smaller distance is tried
 
 
 def make_code(rows: int, columns: int, colors: int, seed: int, lonely: int | None = None) -> tuple[IntArray, int]:
@@ -57,7 +57,7 @@ class _Search:
         cells = self.rows * self.columns
         choices: list[list[int]] = []
         placed: list[list[int]] = []  # the keys that each cell left
-        steps = 0
+        dead_ends = 0
         while len(placed) < cells:
             row, column = divmod(len(placed), self.columns)
             if len(choices) == len(placed):
@@ -66,9 +66,9 @@ class _Search:
             if keys is not None:
                 placed.append(keys)
                 continue
-            steps += 1
+            dead_ends += 1
             choices.pop()
-            if not placed or steps > PATIENCE * cells:
+            if not placed or dead_ends > PATIENCE:
                 return None
             self._undo(*divmod(len(placed) - 1, self.columns), placed.pop())
         return self.code
