@@ -130,9 +130,7 @@ def _rgb(image: Image, name: str) -> Image:
 
 def _same_size(image: Image, other: Image, name: str) -> None:
     if image.shape != other.shape or image.dtype != other.dtype:
-        raise InputError(
-            f"{name}: expected {image.dtype} {image.shape} as the picture, found {other.dtype} {other.shape}"
-        )
+        raise InputError(f"{name}: expected {image.dtype} {image.shape} as the picture, found {other.dtype} {other.shape}")
 
 
 def _coverage(points: FloatArray, width: int, height: int) -> float:
