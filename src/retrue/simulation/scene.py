@@ -78,8 +78,10 @@ def render(
         for dy in fractions:
             for dx in fractions:
                 light[rows] += _look(rig, scene, lamp, _grid(rows + dy, np.arange(width) + dx)).light
-    centres = [_look(rig, scene, lamp, _grid(np.arange(top, min(top + BAND, height)), np.arange(width)))
-               for top in range(0, height, BAND)]
+    centres = [
+        _look(rig, scene, lamp, _grid(np.arange(top, min(top + BAND, height)), np.arange(width)))
+        for top in range(0, height, BAND)
+    ]
     return Rendered(
         image=model.picture(light / supersample**2, seed),
         depth=np.concatenate([part.depth for part in centres]),
