@@ -75,7 +75,9 @@ def block_truth(pattern: ColorGrid, projector_px: FloatArray, visible: BoolArray
     solution = np.full((code.size, 6, 2), np.nan)
     solution[enough] = np.linalg.solve(normal[enough] + 1e-9 * np.eye(6), right[enough])
     residual = np.einsum("ni,nij->nj", terms, solution[index]) - np.stack([x, y], axis=-1)
-    spread = np.sqrt(np.bincount(index, nearby * (residual**2).sum(axis=-1), minlength=code.size) / np.maximum(count, 1))
+    spread = np.sqrt(
+        np.bincount(index, nearby * (residual**2).sum(axis=-1), minlength=code.size) / np.maximum(count, 1)
+    )
 
     a, b = solution[:, 1], solution[:, 2]
     ratio = pattern.block / pattern.pitch

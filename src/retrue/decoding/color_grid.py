@@ -86,7 +86,7 @@ def correspondences_of(sight: GridSight) -> Correspondences:
     }
     return Correspondences(
         sight.centre_px[row, column],
-        np.asarray(pattern.origin) + pattern.pitch * cells[:, ::-1],
+        pattern.centres()[row, column],
         camera_sigma_px=sight.sigma_px[row, column],
         confidence=sight.confidence[row, column],
         colors=sight.color[row, column],
@@ -119,7 +119,7 @@ def _scene_light(image: Image, black: Image | None, white: Image | None) -> Imag
 
 def _rgb(image: Image, name: str) -> Image:
     image = np.asarray(image)
-    if image.dtype not in (np.uint8, np.uint16) or image.ndim not in (2, 3) or image.size == 0:
+    if image.dtype.name not in ("uint8", "uint16") or image.ndim not in (2, 3) or image.size == 0:
         raise InputError(f"{name}: expected a picture (h, w, 3) of uint8 or uint16, found {image.dtype} {image.shape}")
     if image.ndim == 3 and image.shape[2] == 3:
         return image
@@ -130,7 +130,9 @@ def _rgb(image: Image, name: str) -> Image:
 
 def _same_size(image: Image, other: Image, name: str) -> None:
     if image.shape != other.shape or image.dtype != other.dtype:
-        raise InputError(f"{name}: expected {image.dtype} {image.shape} as the picture, found {other.dtype} {other.shape}")
+        raise InputError(
+            f"{name}: expected {image.dtype} {image.shape} as the picture, found {other.dtype} {other.shape}"
+        )
 
 
 def _coverage(points: FloatArray, width: int, height: int) -> float:

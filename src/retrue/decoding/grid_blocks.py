@@ -9,7 +9,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from retrue.geometry.arrays import FloatArray
+from retrue.geometry.arrays import BoolArray, FloatArray, IntArray
 
 Gray = NDArray[np.uint8]
 
@@ -18,6 +18,7 @@ RIM = 2  # px to the brightest neighbour: less than a gap, so that it stays off 
 NOISE_SIGMAS = 5.0
 MIN_CONTRAST = 5  # grey levels
 MIN_AREA, MAX_AREA = 9, 900  # px
+MIN_FILL = 0.8  # of the ellipse of its own moments: squares fill 0.95, rings and chains of blobs less
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -45,36 +46,38 @@ def find_blocks(picture: Gray) -> Blocks:
     A pixel belongs to a block when it is nearer to the brightest value within RIM than to the darkest within
     REACH: a dim block beside a bright one keeps its own threshold, and so does one in the shade.
     """
-    floor = cast(Gray, cv2.erode(picture, np.ones((2 * REACH + 1, 2 * REACH + 1), np.uint8)))
-    added = cast(Gray, cv2.subtract(picture, floor))
-    height = np.asarray(cv2.max(cv2.max(added[..., 0], added[..., 1]), added[..., 2]))
-    rim = np.ones((2 * RIM + 1, 2 * RIM + 1), np.uint8)
     reach = np.ones((2 * REACH + 1, 2 * REACH + 1), np.uint8)
-    top = cv2.dilate(height, rim)
+    floor = cast(Gray, cv2.erode(picture, reach))
+    mask = _nearer_to_top(cast(Gray, cv2.subtract(picture, floor)), reach)
+    _, owners, statistics, centroids = cv2.connectedComponentsWithStats(mask, connectivity=4, ltype=cv2.CV_32S)
+    stats, middle = np.asarray(statistics, dtype=np.int64), np.asarray(centroids, dtype=np.float64)
+    area = stats[:, cv2.CC_STAT_AREA]
+    keep = (area >= MIN_AREA) & (area <= MAX_AREA) & _off_the_border(stats, mask.shape)
+    keep[0] = False  # the background
+    shape = _second_moments(np.asarray(owners, dtype=np.int32), middle, area)
+    keep &= area > MIN_FILL * 4 * np.pi * np.sqrt(np.maximum(np.linalg.det(shape), 0))
+    centre = middle[keep]
+    column, row = np.round(centre).astype(np.int64).T
+    smooth = cast(Gray, cv2.blur(picture, (3, 3)))
+    color = smooth[row, column].astype(np.float64) - floor[row, column]
+    return Blocks(centre, shape[keep], color)
+
+
+def _nearer_to_top(added: Gray, reach: Gray) -> Gray:
+    """Mask (h, w) of the pixels that belong to a block, from what they add to their floor, (h, w, 3)."""
+    height = cast(Gray, cv2.max(cv2.max(added[..., 0], added[..., 1]), added[..., 2]))
+    top = cv2.dilate(height, np.ones((2 * RIM + 1, 2 * RIM + 1), np.uint8))
     bottom = cv2.erode(height, reach)
     middle = cv2.addWeighted(top, 0.5, bottom, 0.5, 0)
-    contrast = cv2.subtract(top, bottom)
-    threshold = max(MIN_CONTRAST, NOISE_SIGMAS * _noise(height))
-    _, visible = cv2.threshold(contrast, threshold, 255, cv2.THRESH_BINARY)
-    mask = cv2.bitwise_and(cv2.compare(height, middle, cv2.CMP_GT), visible)
-    _, labels, stats, centroids = cv2.connectedComponentsWithStats(mask, connectivity=4, ltype=cv2.CV_32S)
-    area = stats[:, cv2.CC_STAT_AREA]
-    keep = (area >= MIN_AREA) & (area <= MAX_AREA)
-    keep[0] = False
-    h, w = mask.shape
-    left, up = stats[:, cv2.CC_STAT_LEFT], stats[:, cv2.CC_STAT_TOP]
-    keep &= (left > 0) & (up > 0)
-    keep &= (left + stats[:, cv2.CC_STAT_WIDTH] < w) & (up + stats[:, cv2.CC_STAT_HEIGHT] < h)
-    shape = _second_moments(np.asarray(labels), centroids, area)
-    # A square fills 0.92 of the ellipse of its own moments; clutter, rings and chains of blobs fill less.
-    with np.errstate(invalid="ignore", divide="ignore"):
-        ellipse = 4 * np.pi * np.sqrt(np.maximum(np.linalg.det(shape), 0))
-        keep &= area > 0.8 * ellipse
-    centre, shape = centroids[keep], shape[keep]
-    pixel = np.round(centre).astype(int)
-    smooth = np.asarray(cv2.blur(picture, (3, 3)))
-    color = smooth[pixel[:, 1], pixel[:, 0]].astype(float) - floor[pixel[:, 1], pixel[:, 0]]
-    return Blocks(centre, shape, color)
+    least = max(MIN_CONTRAST, NOISE_SIGMAS * _noise(height))
+    _, visible = cv2.threshold(cv2.subtract(top, bottom), least, 255, cv2.THRESH_BINARY)
+    return cast(Gray, cv2.bitwise_and(cv2.compare(height, middle, cv2.CMP_GT), visible))
+
+
+def _off_the_border(stats: IntArray, size: tuple[int, ...]) -> BoolArray:
+    left, top = stats[:, cv2.CC_STAT_LEFT], stats[:, cv2.CC_STAT_TOP]
+    right, bottom = left + stats[:, cv2.CC_STAT_WIDTH], top + stats[:, cv2.CC_STAT_HEIGHT]
+    return (left > 0) & (top > 0) & (right < size[1]) & (bottom < size[0])
 
 
 def _noise(height: Gray) -> float:
@@ -85,7 +88,7 @@ def _noise(height: Gray) -> float:
     return float(np.median(np.abs(rows[:, :-2] - 2 * rows[:, 1:-1] + rows[:, 2:]))) / (0.6745 * 6**0.5)
 
 
-def _second_moments(labels: NDArray[np.int32], centroids: FloatArray, area: NDArray[np.int32]) -> FloatArray:
+def _second_moments(labels: NDArray[np.int32], centroids: FloatArray, area: IntArray) -> FloatArray:
     flat = np.flatnonzero(labels)
     owner = labels.ravel()[flat]
     y, x = np.divmod(flat, labels.shape[1])

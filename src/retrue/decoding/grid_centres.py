@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from functools import cache
 from dataclasses import dataclass
-from typing import cast
+from functools import cache
 
 import cv2
 import numpy as np
@@ -189,4 +188,4 @@ def _sample(picture: _Smoothed, at: FloatArray) -> Samples:
     """`picture` at points (N, ..., 2), interpolated: (N, ..., 3)."""
     maps = at.reshape(len(at), -1, 2).astype(np.float32)
     seen = cv2.remap(picture.pixels, maps[..., 0], maps[..., 1], cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
-    return cast(Samples, np.asarray(seen, dtype=np.float32).reshape(*at.shape[:-1], 3))
+    return np.asarray(seen, dtype=np.float32).reshape(*at.shape[:-1], 3)

@@ -31,9 +31,10 @@ def separate_colors(added: FloatArray, around: IntArray, palette: ArrayLike) -> 
         label, margin = _nearest(seen, centres)
         sure = margin > 0.2
         counts = np.bincount(label[sure], minlength=len(centres))
-        moved = np.stack(
-            [np.bincount(label[sure], seen[sure, c], minlength=len(centres)) for c in range(3)], axis=-1
-        ) / np.maximum(counts, 1)[:, None]
+        moved = (
+            np.stack([np.bincount(label[sure], seen[sure, c], minlength=len(centres)) for c in range(3)], axis=-1)
+            / np.maximum(counts, 1)[:, None]
+        )
         centres = np.where((counts >= 8)[:, None], moved, centres)
     return _nearest(seen, centres)
 

@@ -40,12 +40,12 @@ def link_blocks(blocks: Blocks) -> Links:
     however steep the surface. What is left is a rotation, and that is the fourfold mean of the directions
     to the neighbours. Only mutual links stay.
     """
-    from scipy.spatial import cKDTree
+    from scipy.spatial import KDTree
 
     count = len(blocks)
     if count < 9:
         return Links(np.full((count, 4), NONE), np.zeros((count, 4), np.int64))
-    distance, near = cKDTree(blocks.centre).query(blocks.centre, k=min(CANDIDATES + 1, count))
+    near: IntArray = KDTree(blocks.centre).query(blocks.centre, k=min(CANDIDATES + 1, count))[1]  # type: ignore[assignment]
     near = near[:, 1:]
     whiten = _inverse_roots(blocks.shape)
     offset = blocks.centre[near] - blocks.centre[:, None]
@@ -63,12 +63,12 @@ def link_blocks(blocks: Blocks) -> Links:
     shortest = np.min(np.where(similar, length, np.inf), axis=1, keepdims=True)
     axial = similar & (length < 1.25 * shortest)
     mean = np.sum(np.where(axial, np.exp(4j * angle), 0), axis=1)
-    frame = np.angle(mean) / 4  # direction 0, in the whitened frame, in [-45, 45) degrees
+    frame: FloatArray = np.angle(mean) / 4  # direction 0, in the whitened frame, in [-45, 45) degrees
     relative = angle - frame[:, None]
-    direction = np.round(relative / (np.pi / 2)).astype(np.int64)
-    off = np.abs(relative - direction * (np.pi / 2))
+    quarters: FloatArray = np.rint(relative / (np.pi / 2))
+    off = np.abs(relative - quarters * (np.pi / 2))
     cost = np.where(similar & (off < OFF_AXIS) & (length < 1.6 * shortest), length, np.inf)
-    direction %= 4
+    direction = quarters.astype(np.int64) % 4
 
     neighbour = np.full((count, 4), NONE)
     for k in range(4):

@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import TypeVar
 
 import numpy as np
+from numpy.typing import NDArray
 
 from retrue.geometry.arrays import BoolArray, FloatArray
 
@@ -13,12 +15,13 @@ OUTLIER_SIGMAS = 5.0
 LEAST_SIGMA = 0.02  # px
 STEP_CHANGE = 0.25  # of a step, to the most similar step beside it or before or after it, on one surface
 SIZE_CHANGE = 1.4  # of a block's area, to what the steps to its neighbours make it
+Scalar = TypeVar("Scalar", bound=np.generic)
 DIRECTIONS = ((0, 1), (1, 0), (1, 1), (1, -1))
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Joints:
-    """Which blocks of the grid are linked: each to the next of its row (rows, columns - 1), of its column (rows - 1, columns)."""
+    """Which blocks are linked to the next of their row (rows, columns - 1), of their column (rows - 1, columns)."""
 
     right: BoolArray
     down: BoolArray
@@ -28,7 +31,7 @@ class Joints:
         return Joints(self.right & held[:, :-1] & held[:, 1:], self.down & held[:-1] & held[1:])
 
     def step(self, direction: tuple[int, int]) -> BoolArray:
-        """(rows, columns) whether a block is linked to the one in `direction` (down, right), at an angle over a corner."""
+        """(rows, columns) whether each is linked to the one in `direction` (down, right), diagonals over a corner."""
         right = np.pad(self.right, ((0, 0), (0, 1)))
         down = np.pad(self.down, ((0, 1), (0, 0)))
         if direction == (0, 1):
@@ -41,8 +44,8 @@ class Joints:
         return (left & shifted(down, (0, -1), False)) | (down & shifted(left, (1, 0), False))
 
 
-def shifted(grid: FloatArray | BoolArray, step: tuple[int, int], fill: float) -> FloatArray | BoolArray:
-    """`grid` (rows, columns, ...) as seen from one `step` (down, right) away: result[r, c] = grid[r + down, c + right]."""
+def shifted(grid: NDArray[Scalar], step: tuple[int, int], fill: float) -> NDArray[Scalar]:
+    """`grid` (rows, columns, ...) seen from one `step` (down, right) away: result[r, c] = grid[r + down, c + right]."""
     result = np.full_like(grid, fill)
     rows, columns = grid.shape[:2]
     down, right = step
@@ -101,7 +104,7 @@ class Agreement:
 
     Attributes
     ----------
-    odd : (rows, columns) blocks that fit in no line of three, in none of the four directions, or that have no such line.
+    odd : (rows, columns) blocks that fit in no line of three in any of the four directions, or have no such line.
     expected : (rows, columns, 2) where the lines of three that hold no odd block say it is; NaN: nowhere.
     spread : (rows, columns) largest distance between those lines.
     sigma : noise of one coordinate, of the whole picture.

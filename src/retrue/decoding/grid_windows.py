@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 from functools import lru_cache
+from typing import cast
 
 import numpy as np
 from numpy.typing import NDArray
 
 from retrue.decoding.grid_links import NONE, Links
 from retrue.decoding.grid_surface import Joints
+from retrue.errors import InputError
 from retrue.geometry.arrays import BoolArray, FloatArray, IntArray
 from retrue.patterns.color_grid import ColorGrid
 
@@ -31,8 +33,11 @@ class Code:
         self.cells = np.asarray(pattern.code, dtype=np.int64)
         self.base = len(pattern.colors)
         self.rows, self.columns = self.cells.shape
+        if min(self.rows, self.columns) < 3:
+            raise InputError(f"color grid: expected 3 x 3 blocks or more, found {self.rows} x {self.columns}")
         inner = np.argwhere(np.ones((self.rows - 2, self.columns - 2), dtype=bool)) + 1
-        places, windows = [], []
+        places: list[IntArray] = []
+        windows: list[IntArray] = []
         for rotation in range(4):
             at = inner[:, None] + rotated(OFFSETS, np.array(rotation))
             windows.append(self.cells[at[..., 0], at[..., 1]])
@@ -60,6 +65,8 @@ class Code:
     def find(self, seen: IntArray, without: int | None = None) -> IntArray:
         """Place of each window (N, 9) of colour indices, one cell left out if asked; -1 where none or several fit."""
         weight, keys, places = self.tables[without]
+        if len(keys) == 0:
+            return np.full(len(seen), NONE)
         wanted = seen @ weight
         first = np.searchsorted(keys, wanted)
         found = keys[np.minimum(first, len(keys) - 1)] == wanted
@@ -70,8 +77,11 @@ class Code:
         weight = self.base ** np.arange(9)
         if without is not None:
             weight[without] = 0
-        keys, first, count = np.unique(self.windows @ weight, return_index=True, return_counts=True)
-        return weight, keys[count == 1], self.places[first[count == 1]]
+        keys = self.windows @ weight
+        order = np.argsort(keys, kind="stable")
+        step = np.diff(keys[order]) != 0
+        alone = np.concatenate([[True], step]) & np.concatenate([step, [True]])
+        return weight, keys[order[alone]], self.places[order[alone]]
 
 
 @lru_cache(maxsize=4)
@@ -118,7 +128,7 @@ def agreeing_links(code: Code, links: Links, place: IntArray) -> tuple[BoolArray
 
 
 def surface_evidence(code: Code, links: Links, label: IntArray, place: IntArray) -> FloatArray:
-    """By how many nats the surface of each block (N,) matches the code beyond chance; surfaces are held by agreeing links."""
+    """By how many nats the surface of each block (N,), held by agreeing links, matches the code beyond chance."""
     agree, _ = agreeing_links(code, links, place)
     row, cell = np.nonzero(agree)
     return _evidence(code, row, links.around[row, cell], place >= 0, code.color(place) == label)
@@ -135,13 +145,12 @@ def patch_evidence(code: Code, joints: Joints, held: BoolArray, right: BoolArray
 def _evidence(code: Code, start: IntArray, end: IntArray, placed: BoolArray, right: BoolArray) -> FloatArray:
     """m of n colours right has probability C(n, m) q^m, q of one colour by chance; and a surface could have been laid
     over any place of the code, starting from any of its blocks."""
-    from scipy.sparse import coo_array
-    from scipy.sparse.csgraph import connected_components
+    from scipy.sparse import coo_array, csgraph
     from scipy.special import gammaln
 
     count = len(placed)
     graph = coo_array((np.ones(len(start), np.int8), (start, end)), shape=(count, count))
-    _, surface = connected_components(graph, directed=False)
+    surface = cast(tuple[int, IntArray], csgraph.connected_components(graph, directed=False))[1]
     n, m = np.bincount(surface, placed), np.bincount(surface, placed & right)
     log_chance = gammaln(n + 1) - gammaln(m + 1) - gammaln(n - m + 1) - m * np.log(max(code.base - 1, 2))
     log_trials = np.log(len(code.windows)) + np.log(max(int(placed.sum()), 1))
@@ -175,7 +184,7 @@ def _vote(code: Code, links: Links, voters: list[tuple[IntArray, int]]) -> IntAr
 
 
 def _majority(count: int, block: IntArray, place: IntArray, weight: NDArray[np.int64], lead: float) -> IntArray:
-    """Place with the most votes of each block, where it has two and more than `lead` times as many as all others together."""
+    """Place with the most votes of each block, where it has two, and `lead` times as many as all others together."""
     result = np.full(count, NONE)
     if len(block) == 0:
         return result

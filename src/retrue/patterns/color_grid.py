@@ -22,6 +22,7 @@ PAPER_COLORS = (
 )
 """Red, green, blue, white, cyan, magenta, yellow: the seven of Zhang, Li, Wu 2007."""
 
+FEWEST_WITH_LONELY_WHITE = 5  # colours: of fewer, too few choices would be left
 BLOCK_SHARE = 0.63  # of the pitch: the rest is gap, wide enough to keep the blocks apart when out of focus
 
 
@@ -66,7 +67,8 @@ class ColorGrid:
     def centres(self) -> FloatArray:
         """Projector pixels (rows, columns, 2) of the block centres."""
         column, row = np.meshgrid(np.arange(len(self.code[0])), np.arange(len(self.code)))
-        return np.asarray(self.origin) + self.pitch * np.stack([column, row], axis=-1)
+        centres = np.asarray(self.origin) + self.pitch * np.stack([column, row], axis=-1)
+        return centres.astype(np.float64)
 
     def render(self) -> NDArray[np.uint8]:
         """The picture to project, (height, width, 3); a block that covers part of a pixel lights it in part.
@@ -106,8 +108,8 @@ def make_color_grid(
     """A colour grid in the middle of the projector's picture; the same arguments give the same grid, always.
 
     Any two 3x3 windows, each in any of its four rotations, differ in at least `distance` cells of the result, as
-    many as can be had; side neighbours differ in colour, the colours are used evenly, and no white
-    block touches another, not even at a corner.
+    many as can be had; side neighbours differ in colour, the colours are used evenly, and of five colours or more no
+    white block touches another, not even at a corner.
 
     Parameters
     ----------
@@ -140,7 +142,9 @@ def make_color_grid(
             f"color grid: expected {columns} x {rows} blocks of {block} px every {pitch} px to fit "
             f"{width} x {height} with gaps between; use fewer or smaller blocks"
         )
-    white = next((i for i, color in enumerate(colors) if min(color) == 255), None)
+    white = next(
+        (i for i, color in enumerate(colors) if min(color) == 255 and len(colors) >= FEWEST_WITH_LONELY_WHITE), None
+    )
     code, distance = make_code(rows, columns, len(colors), seed, lonely=white)
     # A block's sides lie between pixels: its first pixel is a whole number.
     origin = tuple((size - need) // 2 + (block - 1) / 2 for size, need in zip(projector_size, needed, strict=True))

@@ -16,9 +16,7 @@ HOPELESS = 2.0  # expected clashes of a random window with all others: above, no
 PATIENCE = 5_000  # dead ends of the search before a smaller distance is tried
 
 
-def make_code(
-    rows: int, columns: int, colors: int, seed: int, lonely: int | None = None
-) -> tuple[IntArray, int]:
+def make_code(rows: int, columns: int, colors: int, seed: int, lonely: int | None = None) -> tuple[IntArray, int]:
     """Code (rows, columns) of colour indices, and the least distance of its windows: the largest that can be had.
 
     `lonely` is the colour that never touches itself, not even at a corner.
@@ -31,7 +29,8 @@ def make_code(
             if code is not None:
                 return code, distance
     raise InputError(
-        f"color grid: expected {rows} x {columns} blocks to have unique windows, but {colors} colours do not give as many"
+        f"color grid: expected {rows} x {columns} blocks to have unique windows, "
+        f"but {colors} colours do not give as many"
     )
 
 

@@ -44,8 +44,8 @@ class CameraModel:
         h, w = light.shape[:2]
         y, x = np.mgrid[0:h, 0:w]
         radius2 = ((x - (w - 1) / 2) ** 2 + (y - (h - 1) / 2) ** 2) / ((w / 2) ** 2 + (h / 2) ** 2)
-        seen = gaussian_blur(light, self.blur_px) @ np.asarray(self.mixing).T
-        seen = seen * (self.exposure * (1 - self.vignetting * radius2))[..., None]
+        seen: FloatArray = gaussian_blur(light, self.blur_px) @ np.asarray(self.mixing).T
+        seen *= (self.exposure * (1 - self.vignetting * radius2))[..., None]
         if np.isfinite(self.electrons):
             counted = np.minimum(seen, 1.0) * self.electrons
             spread = np.sqrt(np.maximum(counted, 0.0) + self.read_noise**2)
@@ -61,17 +61,17 @@ def gaussian_blur(image: FloatArray, sigma: float) -> FloatArray:
     if sigma <= 0:
         return image
     reach = int(np.ceil(4 * sigma))
-    weights = np.exp(-0.5 * (np.arange(-reach, reach + 1) / sigma) ** 2)
+    weights: FloatArray = np.exp(-0.5 * (np.arange(-reach, reach + 1) / sigma) ** 2)
     weights /= weights.sum()
     for axis in (0, 1):
         pad = [(0, 0)] * image.ndim
         pad[axis] = (reach, reach)
         padded = np.pad(image, pad, mode="edge")
-        size = image.shape[axis]
-        image = sum(
-            (weight * padded.take(np.arange(shift, shift + size), axis=axis) for shift, weight in enumerate(weights)),
-            start=np.zeros_like(image),
-        )
+        size = int(image.shape[axis])
+        total = np.zeros_like(image)
+        for shift in range(len(weights)):
+            total += weights[shift] * np.take(padded, shift + np.arange(size), axis=axis)
+        image = total
     return image
 
 

@@ -104,9 +104,9 @@ class Sphere:
 
     def hit(self, origin: FloatArray, direction: FloatArray) -> tuple[FloatArray, FloatArray]:
         o = origin - np.asarray(self.centre, dtype=np.float64)
-        a = np.sum(direction * direction, axis=-1)
-        b = np.sum(o * direction, axis=-1)
-        c = np.sum(o * o, axis=-1) - self.radius**2
+        a: FloatArray = np.sum(direction * direction, axis=-1)
+        b: FloatArray = np.sum(o * direction, axis=-1)
+        c: FloatArray = np.sum(o * o, axis=-1) - self.radius**2
         root = np.sqrt(np.maximum(b * b - a * c, 0.0))
         first, second = (-b - root) / a, (-b + root) / a
         distance = np.where(first > NEAREST, first, second)
@@ -130,7 +130,7 @@ class Box:
     paint: Paint = field(default_factory=Paint)
 
     def hit(self, origin: FloatArray, direction: FloatArray) -> tuple[FloatArray, FloatArray]:
-        o = np.broadcast_to((origin - self.pose.t) @ self.pose.R, direction.shape)
+        o: FloatArray = np.broadcast_to((origin - self.pose.t) @ self.pose.R, direction.shape)
         d = direction @ self.pose.R
         d = np.where(d == 0, 1e-300, d)
         half = np.asarray(self.half_size)
