@@ -10,9 +10,13 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from retrue.errors import DegenerateError, InputError
+from retrue.geometry import compiled
 from retrue.geometry.arrays import FloatArray, finite_array
 
 MINIMAL_POINTS = 4
+SETTLED = (
+    1e-6  # step of the normalised H below which the next one is lost in rounding: each is a thousandth of the last
+)
 
 
 def fit_homography(
@@ -54,9 +58,14 @@ def fit_homography(
     >>> (H / H[2, 2]).round(9).tolist()
     [[2.0, 0.1, 3.0], [0.3, 1.0, 1.0], [0.2, 0.1, 1.0]]
     """
-    source, target, weights = _checked(source, target, weights)
     if not (source_sigma >= 0 and target_sigma >= 0 and source_sigma + target_sigma > 0):
         raise InputError(f"sigma: expected two numbers >= 0, not both zero, found {source_sigma} and {target_sigma}")
+    if weights is None:
+        compiled.asked(1)
+    H = _fit_compiled(source, target, weights, source_sigma, target_sigma, iterations)
+    if H is not None:
+        return H
+    source, target, weights = _checked(source, target, weights)
     source_frame, target_frame = _normalising_frame(source), _normalising_frame(target)
     s, y = _transformed(source_frame, source), _transformed(target_frame, target)
     H = _fit_linear(s, y, weights)
@@ -105,6 +114,29 @@ def homography_residuals(
     """
     (dx, dy), (a, b, c) = _whitened(H, source, target, source_sigma, target_sigma)[:2]
     return np.sqrt((c * dx * dx - 2 * b * dx * dy + a * dy * dy) / (a * c - b * b))
+
+
+def _fit_compiled(
+    source: ArrayLike,
+    target: ArrayLike,
+    weights: ArrayLike | None,
+    source_sigma: float,
+    target_sigma: float,
+    iterations: int,
+) -> FloatArray | None:
+    """From the compiled kernel; None where there is none, or where it leaves the answer to NumPy."""
+    if compiled.homography is None or not isinstance(source, np.ndarray) or not isinstance(target, np.ndarray):
+        return None
+    x: FloatArray = np.ascontiguousarray(source, dtype=np.float64)
+    y: FloatArray = np.ascontiguousarray(target, dtype=np.float64)
+    if x.shape != y.shape or x.shape[1:] != (2,) or len(x) < MINIMAL_POINTS:
+        return None
+    weight = np.ones(len(x)) if weights is None else np.ascontiguousarray(weights, dtype=np.float64)
+    if weight.shape != (len(x),) or not (weights is None or (weight >= 0).all()):
+        return None
+    H = np.empty((3, 3))
+    good = compiled.homography.fit_homography(x, y, weight, source_sigma, target_sigma, iterations, SETTLED, H)
+    return H if good else None
 
 
 def _checked(
@@ -224,7 +256,7 @@ def _refine(
             raise DegenerateError("homography: no finite fit; spread the points over a plane")
         H = H + step.reshape(3, 3)
         H = H / np.linalg.norm(H)
-        if np.abs(step).max() < 1e-14:
+        if np.abs(step).max() < SETTLED:
             break
     return H
 
