@@ -14,6 +14,7 @@ from retrue.geometry import compiled
 from retrue.geometry.arrays import FloatArray, finite_array
 
 MINIMAL_POINTS = 4
+EQUAL_WEIGHTS = np.ones(0)
 SETTLED = (
     1e-6  # step of the normalised H below which the next one is lost in rounding: each is a thousandth of the last
 )
@@ -60,10 +61,8 @@ def fit_homography(
     """
     if not (source_sigma >= 0 and target_sigma >= 0 and source_sigma + target_sigma > 0):
         raise InputError(f"sigma: expected two numbers >= 0, not both zero, found {source_sigma} and {target_sigma}")
-    if weights is None:
-        compiled.asked(1)
-    H = _fit_compiled(source, target, weights, source_sigma, target_sigma, iterations)
-    if H is not None:
+    H = np.empty((3, 3))
+    if _fit_compiled(source, target, weights, source_sigma, target_sigma, iterations, H):
         return H
     source, target, weights = _checked(source, target, weights)
     source_frame, target_frame = _normalising_frame(source), _normalising_frame(target)
@@ -123,20 +122,21 @@ def _fit_compiled(
     source_sigma: float,
     target_sigma: float,
     iterations: int,
-) -> FloatArray | None:
-    """From the compiled kernel; None where there is none, or where it leaves the answer to NumPy."""
-    if compiled.homography is None or not isinstance(source, np.ndarray) or not isinstance(target, np.ndarray):
-        return None
-    x: FloatArray = np.ascontiguousarray(source, dtype=np.float64)
-    y: FloatArray = np.ascontiguousarray(target, dtype=np.float64)
-    if x.shape != y.shape or x.shape[1:] != (2,) or len(x) < MINIMAL_POINTS:
-        return None
-    weight = np.ones(len(x)) if weights is None else np.ascontiguousarray(weights, dtype=np.float64)
-    if weight.shape != (len(x),) or not (weights is None or (weight >= 0).all()):
-        return None
-    H = np.empty((3, 3))
-    good = compiled.homography.fit_homography(x, y, weight, source_sigma, target_sigma, iterations, SETTLED, H)
-    return H if good else None
+    H: FloatArray,
+) -> bool:
+    """Fill H by the compiled kernel; False where there is none, or where it leaves the answer to NumPy."""
+    if compiled.homography is None:
+        if weights is None:  # weighted fits are steps of one robust fit, not many homographies
+            compiled.asked(1)
+        return False
+    if weights is None:
+        weights = EQUAL_WEIGHTS
+    try:
+        return compiled.homography.fit_homography(
+            source, target, weights, source_sigma, target_sigma, iterations, SETTLED, H
+        )
+    except TypeError:  # not float64 arrays in C order
+        return False
 
 
 def _checked(

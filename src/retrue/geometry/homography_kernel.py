@@ -196,8 +196,14 @@ def fit_homography(
     settled: float,
     out: FloatArray,
 ) -> bool:
-    """Fill `out` (3, 3); False where it should not be trusted."""
+    """Fill `out` (3, 3); False where it should not be trusted. No weights stand for equal ones."""
     count = len(source)
+    if count < 4 or source.shape != target.shape or source.shape[1] != 2 or len(weights) not in (0, count):
+        return False
+    if len(weights) == 0:
+        weights = np.ones(count)
+    elif not np.min(weights) >= 0:
+        return False
     s, y, corrected = np.empty((2, count)), np.empty((2, count)), np.empty((2, count))
     source_frame, target_frame = np.empty(3), np.empty(3)
     if not (_normalise(source, s, source_frame) and _normalise(target, y, target_frame)):

@@ -21,37 +21,49 @@ OPTICAL_AXIS = np.array([0.0, 0.0, 1.0])
 OPTICAL_AXIS.setflags(write=False)
 
 
-@dataclass(frozen=True, slots=True, eq=False, init=False)
 class PlanarPose:
-    """H ~ R + translation_over_distance normal^T.
+    """H ~ R + translation_over_distance normal^T; read-only.
 
     Attributes
     ----------
     R : (3, 3) proper rotation, projector from camera.
     translation_over_distance : (3,) t / d; a homography does not give t itself.
     normal : (3,) unit normal of the plane in the camera frame, pointing away from the camera.
-    rows : (5, 3) all of them, one below the other, read-only.
     """
 
-    rows: FloatArray
+    __slots__ = ("_first", "_rows")
+    _rows: FloatArray  # (..., 3) R, t / d, normal, one below the other; its twin's too where both were solved together
+    _first: int
 
     def __init__(self, R: ArrayLike, translation_over_distance: ArrayLike, normal: ArrayLike) -> None:
-        rows = np.empty((5, 3))
-        rows[:3], rows[3], rows[4] = R, translation_over_distance, normal
+        self._rows, self._first = np.empty((5, 3)), 0
+        self._rows[:3], self._rows[3], self._rows[4] = R, translation_over_distance, normal
+        self._rows.setflags(write=False)
+
+    @classmethod
+    def pair(cls, rows: FloatArray) -> tuple[PlanarPose, PlanarPose]:
+        """Two from rows (10, 3) that nobody else writes to."""
         rows.setflags(write=False)
-        object.__setattr__(self, "rows", rows)
+        first, second = cls.__new__(cls), cls.__new__(cls)
+        first._rows = second._rows = rows
+        first._first, second._first = 0, 5
+        return first, second
+
+    def __repr__(self) -> str:
+        R, t, normal = (part.tolist() for part in (self.R, self.translation_over_distance, self.normal))
+        return f"PlanarPose(R={R}, translation_over_distance={t}, normal={normal})"
 
     @property
     def R(self) -> FloatArray:
-        return self.rows[:3]
+        return self._rows[self._first : self._first + 3]
 
     @property
     def translation_over_distance(self) -> FloatArray:
-        return self.rows[3]
+        return self._rows[self._first + 3]
 
     @property
     def normal(self) -> FloatArray:
-        return self.rows[4]
+        return self._rows[self._first + 4]
 
     @property
     def homography(self) -> FloatArray:
@@ -113,16 +125,15 @@ def planar_pose_candidates(
     >>> [pose.normal.round(6).tolist() for pose in poses]
     [[0.36, 0.48, 0.8], [-0.95499, -0.263215, 0.136793]]
     """
-    compiled.asked(1)
-    rows = _compiled_rows(homography, viewing_ray)
-    if rows is None:
+    if viewing_ray is not OPTICAL_AXIS:
+        viewing_ray = np.ascontiguousarray(finite_array(viewing_ray, (3,), "viewing ray"))
+    rows = np.empty((10, 3))
+    if not _solve_compiled(homography, viewing_ray, rows):
         H = finite_array(homography, (3, 3), "homography")
-        x = finite_array(viewing_ray, (3,), "viewing ray")
-        rows = _rows(H[None], x)[0]
+        rows = _rows(H[None], np.asarray(viewing_ray))[0]
         if np.isnan(rows[0, 0]):
             raise DegenerateError(_hopeless(H))
-    rows.setflags(write=False)
-    return _pose(rows[:5]), _pose(rows[5:])
+    return PlanarPose.pair(rows)
 
 
 def planar_pose_candidates_batch(homographies: ArrayLike, viewing_ray: ArrayLike = OPTICAL_AXIS) -> PlanarPoses:
@@ -150,22 +161,15 @@ def planar_pose_candidates_batch(homographies: ArrayLike, viewing_ray: ArrayLike
     return PlanarPoses(rows[:, :, :3], rows[:, :, 3], rows[:, :, 4])
 
 
-def _pose(rows: FloatArray) -> PlanarPose:
-    """Without a copy: the rows are nobody else's."""
-    pose = object.__new__(PlanarPose)
-    object.__setattr__(pose, "rows", rows)
-    return pose
-
-
-def _compiled_rows(homography: ArrayLike, viewing_ray: ArrayLike) -> FloatArray | None:
-    """(10, 3) from the compiled kernel; None where there is none, or where it leaves the answer to NumPy."""
-    if compiled.planar_pose is None or not isinstance(homography, np.ndarray) or homography.shape != (3, 3):
-        return None
-    if viewing_ray is not OPTICAL_AXIS:
-        viewing_ray = np.ascontiguousarray(finite_array(viewing_ray, (3,), "viewing ray"))
-    rows = np.empty((10, 3))
-    H = np.ascontiguousarray(homography, dtype=np.float64)
-    return rows if compiled.planar_pose.planar_poses(H, viewing_ray, rows) else None
+def _solve_compiled(homography: ArrayLike, viewing_ray: ArrayLike, rows: FloatArray) -> bool:
+    """Fill rows (10, 3) by the compiled kernel; False where there is none, or where it leaves the answer to NumPy."""
+    if compiled.planar_pose is None:
+        compiled.asked(1)
+        return False
+    try:
+        return compiled.planar_pose.planar_poses(homography, viewing_ray, rows)
+    except TypeError:  # not float64 arrays in C order
+        return False
 
 
 def _rows(stack: FloatArray, x: FloatArray) -> FloatArray:

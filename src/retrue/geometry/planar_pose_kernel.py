@@ -142,7 +142,7 @@ def _solve(H: FloatArray, x: FloatArray, out: FloatArray) -> bool:
 @compiled(numba.boolean(MATRIX, VECTOR, OUT_MATRIX))
 def planar_poses(H: FloatArray, x: FloatArray, out: FloatArray) -> bool:
     """Fill `out` (10, 3) with R, t / d and normal of both poses; False where it should not be trusted."""
-    return _solve(H, x, out)
+    return H.shape == (3, 3) and x.shape == (3,) and _solve(H, x, out)
 
 
 @compiled(numba.boolean(STACK, VECTOR, OUT_STACK))
