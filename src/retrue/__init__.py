@@ -19,9 +19,11 @@ if TYPE_CHECKING:
     from retrue.files.rigs import read_rig as read_rig
     from retrue.files.rigs import write_rig as write_rig
     from retrue.geometry.camera import Camera as Camera
+    from retrue.geometry.compiled import load_kernels as load_kernels
     from retrue.geometry.homography import fit_homography as fit_homography
     from retrue.geometry.planar_pose import PlanarPose as PlanarPose
     from retrue.geometry.planar_pose import planar_pose_candidates as planar_pose_candidates
+    from retrue.geometry.planar_pose import planar_pose_candidates_batch as planar_pose_candidates_batch
     from retrue.geometry.plane import Plane as Plane
     from retrue.geometry.transform import RigidTransform as RigidTransform
     from retrue.geometry.triangulation import triangulate as triangulate
@@ -64,8 +66,10 @@ _HOMES = {
     "Verification": "recalibration.result",
     "decode": "decoding.decode",
     "fit_homography": "geometry.homography",
+    "load_kernels": "geometry.compiled",
     "make_mesh": "reconstruction.mesh",
     "planar_pose_candidates": "geometry.planar_pose",
+    "planar_pose_candidates_batch": "geometry.planar_pose",
     "read_capture": "files.captures",
     "read_image": "files.images",
     "read_pattern": "files.patterns",

@@ -10,9 +10,14 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from retrue.errors import DegenerateError, InputError
+from retrue.geometry import compiled
 from retrue.geometry.arrays import FloatArray, finite_array
 
 MINIMAL_POINTS = 4
+EQUAL_WEIGHTS = np.ones(0)
+SETTLED = (
+    1e-6  # step of the normalised H below which the next one is lost in rounding: each is a thousandth of the last
+)
 
 
 def fit_homography(
@@ -54,9 +59,12 @@ def fit_homography(
     >>> (H / H[2, 2]).round(9).tolist()
     [[2.0, 0.1, 3.0], [0.3, 1.0, 1.0], [0.2, 0.1, 1.0]]
     """
-    source, target, weights = _checked(source, target, weights)
     if not (source_sigma >= 0 and target_sigma >= 0 and source_sigma + target_sigma > 0):
         raise InputError(f"sigma: expected two numbers >= 0, not both zero, found {source_sigma} and {target_sigma}")
+    H = np.empty((3, 3))
+    if _fit_compiled(source, target, weights, source_sigma, target_sigma, iterations, H):
+        return H
+    source, target, weights = _checked(source, target, weights)
     source_frame, target_frame = _normalising_frame(source), _normalising_frame(target)
     s, y = _transformed(source_frame, source), _transformed(target_frame, target)
     H = _fit_linear(s, y, weights)
@@ -105,6 +113,30 @@ def homography_residuals(
     """
     (dx, dy), (a, b, c) = _whitened(H, source, target, source_sigma, target_sigma)[:2]
     return np.sqrt((c * dx * dx - 2 * b * dx * dy + a * dy * dy) / (a * c - b * b))
+
+
+def _fit_compiled(
+    source: ArrayLike,
+    target: ArrayLike,
+    weights: ArrayLike | None,
+    source_sigma: float,
+    target_sigma: float,
+    iterations: int,
+    H: FloatArray,
+) -> bool:
+    """Fill H by the compiled kernel; False where there is none, or where it leaves the answer to NumPy."""
+    if compiled.homography is None:
+        if weights is None:  # weighted fits are steps of one robust fit, not many homographies
+            compiled.asked(1)
+        return False
+    if weights is None:
+        weights = EQUAL_WEIGHTS
+    try:
+        return compiled.homography.fit_homography(
+            source, target, weights, source_sigma, target_sigma, iterations, SETTLED, H
+        )
+    except TypeError:  # not float64 arrays in C order
+        return False
 
 
 def _checked(
@@ -224,7 +256,7 @@ def _refine(
             raise DegenerateError("homography: no finite fit; spread the points over a plane")
         H = H + step.reshape(3, 3)
         H = H / np.linalg.norm(H)
-        if np.abs(step).max() < 1e-14:
+        if np.abs(step).max() < SETTLED:
             break
     return H
 

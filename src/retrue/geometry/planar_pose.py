@@ -11,15 +11,18 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
-from retrue.errors import DegenerateError
-from retrue.geometry.arrays import BoolArray, FloatArray, finite_array, frozen_array
+from retrue.errors import DegenerateError, InputError
+from retrue.geometry import compiled
+from retrue.geometry.arrays import BoolArray, FloatArray, finite_array
 
 SMALLEST_PARALLAX = 1e-9  # |t| / distance below which H is a rotation to rounding
+SMALLEST_DETERMINANT = 1e-14  # of an H of norm 1
+OPTICAL_AXIS = np.array([0.0, 0.0, 1.0])
+OPTICAL_AXIS.setflags(write=False)
 
 
-@dataclass(frozen=True, slots=True, eq=False)
 class PlanarPose:
-    """H ~ R + translation_over_distance normal^T.
+    """H ~ R + translation_over_distance normal^T; read-only.
 
     Attributes
     ----------
@@ -28,13 +31,39 @@ class PlanarPose:
     normal : (3,) unit normal of the plane in the camera frame, pointing away from the camera.
     """
 
-    R: FloatArray
-    translation_over_distance: FloatArray
-    normal: FloatArray
+    __slots__ = ("_first", "_rows")
+    _rows: FloatArray  # (..., 3) R, t / d, normal, one below the other; its twin's too where both were solved together
+    _first: int
 
-    def __post_init__(self) -> None:
-        for name in ("R", "translation_over_distance", "normal"):
-            object.__setattr__(self, name, frozen_array(getattr(self, name)))
+    def __init__(self, R: ArrayLike, translation_over_distance: ArrayLike, normal: ArrayLike) -> None:
+        self._rows, self._first = np.empty((5, 3)), 0
+        self._rows[:3], self._rows[3], self._rows[4] = R, translation_over_distance, normal
+        self._rows.setflags(write=False)
+
+    @classmethod
+    def pair(cls, rows: FloatArray) -> tuple[PlanarPose, PlanarPose]:
+        """Two from rows (10, 3) that nobody else writes to."""
+        rows.setflags(write=False)
+        first, second = cls.__new__(cls), cls.__new__(cls)
+        first._rows = second._rows = rows
+        first._first, second._first = 0, 5
+        return first, second
+
+    def __repr__(self) -> str:
+        R, t, normal = (part.tolist() for part in (self.R, self.translation_over_distance, self.normal))
+        return f"PlanarPose(R={R}, translation_over_distance={t}, normal={normal})"
+
+    @property
+    def R(self) -> FloatArray:
+        return self._rows[self._first : self._first + 3]
+
+    @property
+    def translation_over_distance(self) -> FloatArray:
+        return self._rows[self._first + 3]
+
+    @property
+    def normal(self) -> FloatArray:
+        return self._rows[self._first + 4]
 
     @property
     def homography(self) -> FloatArray:
@@ -42,8 +71,26 @@ class PlanarPose:
         return self.R + np.outer(self.translation_over_distance, self.normal)
 
 
+@dataclass(frozen=True, slots=True, eq=False)
+class PlanarPoses:
+    """Both poses of each of N homographies; see `PlanarPose`. NaN where a homography gives none.
+
+    Attributes
+    ----------
+    R : (N, 2, 3, 3).
+    translation_over_distance, normal : (N, 2, 3).
+    """
+
+    R: FloatArray
+    translation_over_distance: FloatArray
+    normal: FloatArray
+
+    def __len__(self) -> int:
+        return len(self.R)
+
+
 def planar_pose_candidates(
-    homography: ArrayLike, viewing_ray: ArrayLike = (0.0, 0.0, 1.0)
+    homography: ArrayLike, viewing_ray: ArrayLike = OPTICAL_AXIS
 ) -> tuple[PlanarPose, PlanarPose]:
     """Both poses of a camera-projector pair that see one plane, from its homography.
 
@@ -60,7 +107,8 @@ def planar_pose_candidates(
 
     Returns
     -------
-    The two poses, twins of each other; they coincide when t is parallel to the normal (the fold).
+    The two poses, twins of each other, first the one whose plane faces the viewing ray more squarely; they
+    coincide when t is parallel to the normal (the fold).
 
     Raises
     ------
@@ -75,37 +123,99 @@ def planar_pose_candidates(
     >>> min(float(np.abs(pose.R - R).max()) for pose in poses) < 1e-14
     True
     >>> [pose.normal.round(6).tolist() for pose in poses]
-    [[-0.95499, -0.263215, 0.136793], [0.36, 0.48, 0.8]]
+    [[0.36, 0.48, 0.8], [-0.95499, -0.263215, 0.136793]]
     """
-    H = finite_array(homography, (3, 3), "homography")
-    x = finite_array(viewing_ray, (3,), "viewing ray")
-    H = H / max(float(np.linalg.norm(H)), 1e-300)
-    if not abs(float(np.linalg.det(H))) > 1e-14:
-        raise DegenerateError("planar pose: the homography is singular; the points do not span a plane")
-    U, singular, Vt = np.linalg.svd(H if H[2] @ x >= 0 else -H)
+    if viewing_ray is not OPTICAL_AXIS:
+        viewing_ray = np.ascontiguousarray(finite_array(viewing_ray, (3,), "viewing ray"))
+    rows = np.empty((10, 3))
+    if not _solve_compiled(homography, viewing_ray, rows):
+        H = finite_array(homography, (3, 3), "homography")
+        rows = _rows(H[None], np.asarray(viewing_ray))[0]
+        if np.isnan(rows[0, 0]):
+            raise DegenerateError(_hopeless(H))
+    return PlanarPose.pair(rows)
+
+
+def planar_pose_candidates_batch(homographies: ArrayLike, viewing_ray: ArrayLike = OPTICAL_AXIS) -> PlanarPoses:
+    """`planar_pose_candidates` of many homographies (N, 3, 3) at once.
+
+    A homography that is singular, a rotation or not finite leaves NaN, not an error.
+
+    >>> poses = planar_pose_candidates_batch([np.diag([1.2, 1.0, 0.9]), np.eye(3)])
+    >>> np.abs(poses.normal[:, 0]).round(6).tolist()
+    [[0.835711, 0.0, 0.54917], [nan, nan, nan]]
+    """
+    stack = np.ascontiguousarray(homographies, dtype=np.float64)
+    x = np.ascontiguousarray(finite_array(viewing_ray, (3,), "viewing ray"))
+    if stack.ndim != 3 or stack.shape[1:] != (3, 3):
+        raise InputError(f"homographies: expected shape N x 3 x 3, found {' x '.join(map(str, stack.shape))}")
+    compiled.asked(len(stack))
+    if compiled.planar_pose is None:
+        rows = _rows(stack, x)
+    else:
+        rows = np.empty((len(stack), 10, 3))
+        if not compiled.planar_pose.planar_poses_of_stack(stack, x, rows):
+            doubtful = np.isnan(rows[:, 0, 0])
+            rows[doubtful] = _rows(stack[doubtful], x)
+    rows = rows.reshape(-1, 2, 5, 3)
+    return PlanarPoses(rows[:, :, :3], rows[:, :, 3], rows[:, :, 4])
+
+
+def _solve_compiled(homography: ArrayLike, viewing_ray: ArrayLike, rows: FloatArray) -> bool:
+    """Fill rows (10, 3) by the compiled kernel; False where there is none, or where it leaves the answer to NumPy."""
+    if compiled.planar_pose is None:
+        compiled.asked(1)
+        return False
+    try:
+        return compiled.planar_pose.planar_poses(homography, viewing_ray, rows)
+    except TypeError:  # not float64 arrays in C order
+        return False
+
+
+def _rows(stack: FloatArray, x: FloatArray) -> FloatArray:
+    """(N, 10, 3) by singular values: R, t / d, normal of both poses of each; NaN where there are none."""
+    with np.errstate(all="ignore"):
+        H = stack / np.linalg.norm(stack, axis=(1, 2), keepdims=True)
+        good = np.abs(np.linalg.det(H)) > SMALLEST_DETERMINANT
+    H = np.where(good[:, None, None], H, np.eye(3))
+    H = H * np.where(H[:, 2] @ x >= 0, 1.0, -1.0)[:, None, None]
+    U, singular, Vt = np.linalg.svd(H)
     # Roots of mu_i / mu_2: Q = U diag(ratio) Vt without ever forming H H^T, which would halve the digits.
-    ratio = singular / singular[1]
-    a, b = ratio[0] ** 2 - 1, 1 - ratio[2] ** 2
-    if not np.sqrt(a + b) > SMALLEST_PARALLAX:
-        raise DegenerateError("planar pose: the homography is a rotation (t = 0); the plane tells nothing about t")
-    u1, u3 = np.sqrt(a / (a + b)) * U[:, 0], np.sqrt(b / (a + b)) * U[:, 2]
-    Q, e2, r2 = (U * ratio) @ Vt, U[:, 1], Vt[1]
-    return _pose(Q, u1 + u3, e2, r2, x), _pose(Q, u1 - u3, e2, r2, x)
+    ratio = singular / singular[:, 1:2]
+    Q = (U * ratio[:, None, :]) @ Vt
+    a, b = ratio[:, 0] ** 2 - 1, 1 - ratio[:, 2] ** 2
+    good &= np.sqrt(a + b) > SMALLEST_PARALLAX
+    total = np.where(good, a + b, 1.0)
+    u1, u3 = np.sqrt(a / total)[:, None] * U[:, :, 0], np.sqrt(b / total)[:, None] * U[:, :, 2]
+    e2, r2 = U[:, :, 1], Vt[:, 1]
+    rows = np.full((len(stack), 10, 3), np.nan)
+    for first, u in ((0, u1 + u3), (5, u1 - u3)):
+        e3 = np.cross(u, e2)
+        r3 = np.einsum("ni,nij->nj", e3, Q)
+        r1 = np.cross(r2, r3)
+        m = np.einsum("ni,nij->nj", u, Q) - r1  # |t| n
+        length: FloatArray = np.linalg.norm(m, axis=1, keepdims=True)
+        length = np.where((m @ x)[:, None] >= 0, length, -length)  # the plane is in front along x
+        frames = np.stack([u, e2, e3], axis=2) @ np.stack([r1, r2, r3], axis=1)
+        with np.errstate(all="ignore"):
+            normal: FloatArray = m / length
+        rows[good, first : first + 3], rows[good, first + 3], rows[good, first + 4] = (
+            frames[good],
+            (length * u)[good],
+            normal[good],
+        )
+    turned_away = rows[:, 4] @ x < rows[:, 9] @ x
+    rows[turned_away] = np.roll(rows[turned_away], 5, axis=1)
+    return rows
 
 
-def _pose(Q: FloatArray, u: FloatArray, e2: FloatArray, r2: FloatArray, x: FloatArray) -> PlanarPose:
-    """The pose with t along u, or against it: whichever has the plane in front along x."""
-    e3 = np.cross(u, e2)
-    r3 = e3 @ Q
-    r1 = np.cross(r2, r3)
-    R = np.outer(u, r1) + np.outer(e2, r2) + np.outer(e3, r3)
-    m = u @ Q - r1  # |t| n
-    length = float(np.linalg.norm(m))
-    sign = 1.0 if m @ x >= 0 else -1.0
-    return PlanarPose(R, sign * length * u, sign * m / length)
+def _hopeless(H: FloatArray) -> str:
+    if not abs(float(np.linalg.det(H / max(float(np.linalg.norm(H)), 1e-300)))) > SMALLEST_DETERMINANT:
+        return "planar pose: the homography is singular; the points do not span a plane"
+    return "planar pose: the homography is a rotation (t = 0); the plane tells nothing about t"
 
 
-def twin_pose(pose: PlanarPose, viewing_ray: ArrayLike = (0.0, 0.0, 1.0)) -> PlanarPose:
+def twin_pose(pose: PlanarPose, viewing_ray: ArrayLike = OPTICAL_AXIS) -> PlanarPose:
     """The other pose with the same homography, in closed form: t' ~ R n + |n|^2 / 2 t, n' ~ R^T t + |t|^2 / 2 n.
 
     Shapes and `viewing_ray` as in `planar_pose_candidates`. Raises DegenerateError where t = 0. Source: eqs (23),
