@@ -15,10 +15,13 @@ import tyro
 from retrue.cli.command import BAD_INPUT, Command
 from retrue.cli.decode import Decode
 from retrue.cli.demo import Demo
+from retrue.cli.diff import Diff
+from retrue.cli.history import History
 from retrue.cli.known_distance import registry
 from retrue.cli.pattern import Pattern
 from retrue.cli.recalibrate import Recalibrate
 from retrue.cli.reconstruct import Reconstruct
+from retrue.cli.rollback import Rollback
 from retrue.cli.verify import Verify
 from retrue.errors import RetrueError
 
@@ -29,6 +32,9 @@ Commands = (
     | Annotated[Recalibrate, tyro.conf.subcommand("recalibrate")]
     | Annotated[Verify, tyro.conf.subcommand("verify")]
     | Annotated[Reconstruct, tyro.conf.subcommand("reconstruct")]
+    | Annotated[History, tyro.conf.subcommand("history")]
+    | Annotated[Rollback, tyro.conf.subcommand("rollback")]
+    | Annotated[Diff, tyro.conf.subcommand("diff")]
 )
 DESCRIPTION = "Recalibrate a camera-projector rig from one picture, and know how sure the answer is."
 INTERRUPTED = 130  # as a shell reports SIGINT

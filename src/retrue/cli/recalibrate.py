@@ -5,7 +5,7 @@ from __future__ import annotations
 import time
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from tyro.conf import OmitArgPrefixes
 
@@ -20,6 +20,7 @@ from retrue.cli.command import (
     read_captures,
     require_writable,
 )
+from retrue.errors import InputError
 from retrue.recalibration.options import RecalibrateOptions
 
 if TYPE_CHECKING:
@@ -40,6 +41,8 @@ class Recalibrate(Command):
         What the projector showed, JSON; not needed for a CSV.
     out
         The new rig file. Nothing is written when the answer is refused.
+    in_place
+        Instead of --out: write the new rig over the old one, and keep both in the history beside it.
     limits
         Limits of the method.
     """
@@ -47,16 +50,19 @@ class Recalibrate(Command):
     rig: RigPath
     captures: CapturePaths
     pattern: PatternPath = None
-    out: Path
+    out: Path | None = None
+    in_place: bool = False
     limits: OmitArgPrefixes[RecalibrateOptions] = field(default_factory=RecalibrateOptions)
 
     def run(self) -> Outcome:
         from retrue.cli.json_output import recalibration_report
-        from retrue.files.rigs import read_rig, write_rig
+        from retrue.files.rigs import read_rig
         from retrue.recalibration.recalibrate import recalibrate
         from retrue.recalibration.result import Accepted
 
-        require_writable(self.out)
+        if (self.out is None) == (not self.in_place):
+            raise InputError("expected one of --out NEW.json and --in-place")
+        require_writable(self.rig if self.in_place else self.out)
         rig = read_rig(self.rig)
         captures = read_captures(self.captures, self.pattern)
         start = time.perf_counter()
@@ -65,8 +71,19 @@ class Recalibrate(Command):
         report = recalibration_report(result, seconds)
         if not isinstance(result, Accepted):
             return Outcome(report, f"{_described(result)}\nnothing was written", REFUSED_OR_DRIFTED)
-        write_rig(self.out, result.rig)
-        return Outcome(report, f"{_described(result)}\n{self.out}: written", DONE)
+        written = self._write(result)
+        return Outcome(report | written, f"{_described(result)}\n{written['out']}: written", DONE)
+
+    def _write(self, result: Accepted) -> dict[str, Any]:
+        if self.out is not None:
+            from retrue.files.rigs import write_rig
+
+            write_rig(self.out, result.rig)
+            return {"out": str(self.out)}
+        from retrue.files.history import capture_record, write_in_place
+
+        entry = write_in_place(self.rig, result, [capture_record(capture) for capture in self.captures])
+        return {"out": str(self.rig), "history_id": entry.id}
 
 
 def _described(result: Accepted | Refused) -> str:

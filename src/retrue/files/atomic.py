@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 import tempfile
 from collections.abc import Generator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import BinaryIO
 
@@ -13,18 +13,18 @@ from retrue.errors import FileError
 
 
 @contextmanager
-def replaced_file(path: str | Path) -> Generator[BinaryIO]:
+def replaced_file(path: str | Path, *, alone: bool = False) -> Generator[BinaryIO]:
     """A binary file to write to, that takes the place of `path` only when the block ends without an error.
 
-    Whatever happens, `path` holds the old bytes or the new, never half of them. Raises `FileError` where
-    the folder cannot be written.
+    Whatever happens, `path` holds the old bytes or the new, never half of them. A caller who holds a lock is
+    `alone`: the bytes wait under one name, so that processes that are killed leave one stray file, not many.
+    Raises `FileError` where the folder cannot be written.
     """
     path = Path(path)
     try:
-        handle, name = tempfile.mkstemp(prefix=f".{path.name}.", suffix=".part", dir=path.parent)
+        handle, temporary = _opened_beside(path, alone)
     except OSError as error:
         raise FileError(path, f"cannot be written: {error.strerror or error}") from error
-    temporary = Path(name)
     try:
         with os.fdopen(handle, "wb") as stream:
             yield stream
@@ -33,10 +33,30 @@ def replaced_file(path: str | Path) -> Generator[BinaryIO]:
         mode = path.stat().st_mode & 0o777 if path.exists() else 0o666 & ~_umask()
         temporary.chmod(mode)
         temporary.replace(path)
+        sync_folder(path.parent)
     except OSError as error:
         raise FileError(path, f"cannot be written: {error.strerror or error}") from error
     finally:
         temporary.unlink(missing_ok=True)
+
+
+def sync_folder(folder: Path) -> None:
+    """Make names in the folder last through a power cut; some systems cannot, and then nothing is lost by it."""
+    with suppress(OSError):
+        handle = os.open(folder, os.O_RDONLY)
+        try:
+            os.fsync(handle)
+        finally:
+            os.close(handle)
+
+
+def _opened_beside(path: Path, alone: bool) -> tuple[int, Path]:
+    if not alone:
+        handle, name = tempfile.mkstemp(prefix=f".{path.name}.", suffix=".part", dir=path.parent)
+        return handle, Path(name)
+    temporary = path.with_name(f".{path.name}.part")
+    temporary.unlink(missing_ok=True)  # a link laid there is not followed
+    return os.open(temporary, os.O_WRONLY | os.O_CREAT | os.O_EXCL | getattr(os, "O_BINARY", 0), 0o600), temporary
 
 
 def _umask() -> int:

@@ -65,7 +65,7 @@ def read_folder(path: str | Path, *, color: Sequence[int] = ()) -> tuple[list[Im
         a picture that cannot be read.
     """
     folder = Path(path)
-    paths = _picture_paths(folder)
+    paths = picture_paths(folder)
     with ThreadPoolExecutor(2) as threads:
         headers = list(threads.map(_checked_header, paths))
         _require_one_size(folder, paths, [header.size for header in headers])
@@ -82,10 +82,11 @@ def natural_key(name: str) -> list[tuple[int, str]]:
     ['cam_9.png', 'cam_09b.png', 'cam_10.png']
     """
     parts = re.split(r"(\d+)", name.casefold())
-    return [(int(part), "") if part.isdigit() else (0, part) for part in parts]
+    return [(int(part), "") if part.isdecimal() else (0, part) for part in parts]
 
 
-def _picture_paths(folder: Path) -> list[Path]:
+def picture_paths(folder: Path) -> list[Path]:
+    """The pictures of a folder, by number; raises as `read_folder` does."""
     try:
         entries = [entry for entry in folder.iterdir() if not entry.name.startswith(".")]
     except FileNotFoundError:

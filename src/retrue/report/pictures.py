@@ -29,7 +29,7 @@ def residual_picture(image: Image, points: Correspondences, residuals: Sequence[
     """
     from matplotlib.colors import LogNorm
 
-    figure = _figure(6.4 * len(residuals), 5.2)
+    figure = blank_figure(6.4 * len(residuals), 5.2)
     rows = _spread(len(points))
     grey = image if image.ndim == 2 else image.mean(axis=2)
     drawn: Any = None
@@ -42,12 +42,12 @@ def residual_picture(image: Image, points: Correspondences, residuals: Sequence[
         axis.set_title(title)
         axis.set_axis_off()
     figure.colorbar(drawn, ax=axes, label="distance of the two rays, pixels", shrink=0.8)
-    return _png(figure)
+    return png_bytes(figure)
 
 
 def cloud_picture(cloud: Cloud, rig: Rig) -> bytes:
     """The cloud from above and from the side, with the camera and the projector that made it."""
-    figure = _figure(12.0, 5.2)
+    figure = blank_figure(12.0, 5.2)
     X = cloud.points[_spread(len(cloud))]
     colors = cloud.colors[_spread(len(cloud))] / 255
     depth = float(np.median(X[:, 2]))
@@ -68,7 +68,7 @@ def cloud_picture(cloud: Cloud, rig: Rig) -> bytes:
         axis.set_title(title)
         axis.grid(alpha=0.3)
     axes[0].legend()
-    return _png(figure)
+    return png_bytes(figure)
 
 
 def _frustum(camera: Camera, camera_frame_from_device: RigidTransform, length: float) -> FloatArray:
@@ -86,13 +86,15 @@ def _spread(count: int) -> slice:
     return slice(None, None, max(1, count // MOST_POINTS))
 
 
-def _figure(width: float, height: float) -> Figure:
+def blank_figure(width: float, height: float) -> Figure:
+    """A figure of that size in inches, on no screen."""
     from matplotlib.figure import Figure
 
     return Figure(figsize=(width, height), layout="constrained")
 
 
-def _png(figure: Figure) -> bytes:
+def png_bytes(figure: Figure) -> bytes:
+    """The figure as a PNG file."""
     stream = io.BytesIO()
     figure.savefig(stream, format="png", dpi=110)
     return stream.getvalue()

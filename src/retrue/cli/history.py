@@ -1,0 +1,96 @@
+"""`retrue history`."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import asdict, dataclass
+from itertools import pairwise
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from retrue.cli.command import Command, Outcome, RigPath, require_writable
+from retrue.errors import InputError
+
+if TYPE_CHECKING:
+    from retrue.files.history import HistoryEntry
+    from retrue.rig_difference import RigDifference
+
+
+@dataclass(frozen=True, kw_only=True)
+class History(Command):
+    """Show every rig that stood in a rig file, and how it drifted.
+
+    Attributes
+    ----------
+    rig
+        The rig file.
+    plot
+        A PNG to draw the drift over time into.
+    """
+
+    rig: RigPath
+    plot: Path | None = None
+
+    def run(self) -> Outcome:
+        from retrue.files.atomic import replaced_file
+        from retrue.files.history import entry_in_place, history_path, read_history
+        from retrue.files.rigs import read_rig
+        from retrue.rig_difference import rig_difference
+
+        require_writable(self.plot)
+        rig = read_rig(self.rig)
+        entries = read_history(self.rig)
+        if not entries:
+            raise InputError(f"{self.rig}: no history beside it; it begins with `retrue recalibrate --in-place`")
+        in_place = entry_in_place(entries, rig)
+        steps = [None, *(rig_difference(a.rig, b.rig) for a, b in pairwise(entries))]
+        report: dict[str, Any] = {
+            "history": str(history_path(self.rig)),
+            "in_place": None if in_place is None else in_place.id,
+            "entries": [_entry_report(entry, step) for entry, step in zip(entries, steps, strict=True)],
+        }
+        text = _table(entries, steps, in_place)
+        if self.plot is not None:
+            from retrue.report.drift import drift_picture
+
+            since_first = [rig_difference(entries[0].rig, entry.rig) for entry in entries]
+            with replaced_file(self.plot) as stream:
+                stream.write(drift_picture([entry.time for entry in entries], since_first))
+            report["plot"] = str(self.plot)
+            text += f"\n{self.plot}: written"
+        return Outcome(report, text)
+
+
+def _entry_report(entry: HistoryEntry, step: RigDifference | None) -> dict[str, Any]:
+    from retrue.cli.json_output import plain, pose_report
+
+    return {
+        "id": entry.id,
+        "time": entry.time.isoformat(timespec="milliseconds"),
+        "action": entry.action,
+        "restored": entry.restored,
+        "projector_from_camera": pose_report(entry.rig.projector_from_camera),
+        "change": None if step is None else plain(asdict(step)),
+        "captures": plain(entry.captures),
+        "evidence": plain(entry.evidence),
+        "rig_evidence": plain(entry.rig.evidence),
+    }
+
+
+def _table(
+    entries: Sequence[HistoryEntry], steps: Sequence[RigDifference | None], in_place: HistoryEntry | None
+) -> str:
+    """One line an entry, in 80 columns."""
+    from numpy.linalg import norm
+
+    unit = entries[0].rig.unit[:6]
+    lines = [f"  ID  time (UTC)           what               rotation  dir. of t  {'|t|, ' + unit:>11}"]
+    for entry, step in zip(entries, steps, strict=True):
+        mark = "*" if entry is in_place else " "
+        what = entry.action if entry.restored is None else f"rolled back to {entry.restored}"
+        turned = f"{'':8}  {'':9}" if step is None else f"{step.rotation_deg:8.3f}  {step.translation_deg:9.3f}"
+        length = float(norm(entry.rig.projector_from_camera.t))
+        lines.append(f"{mark}{entry.id:>3}  {entry.time:%Y-%m-%d %H:%M:%S}  {what:<17.17}  {turned}  {length:>11.6g}")
+    lines.append("angles in degrees, from the line above")
+    lines.append("* is in place" if in_place is not None else "the rig in place is none of them: it was edited since")
+    return "\n".join(lines)

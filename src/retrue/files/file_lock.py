@@ -1,0 +1,60 @@
+"""A lock that processes take on an open file; the system gives it back when the holder dies, however it dies."""
+
+from __future__ import annotations
+
+import sys
+import time
+from collections.abc import Generator
+from contextlib import contextmanager
+from pathlib import Path
+
+from retrue.errors import FileError
+
+PATIENCE = 30.0  # seconds; nobody holds a lock for longer than it takes to write a few files
+PAUSE = 0.01  # seconds between two tries
+
+if sys.platform == "win32":
+    import msvcrt
+    import os
+
+    FAR = 2**62  # a byte that no file reaches: Windows would keep others from reading the one that is locked
+
+    def _try_lock(handle: int) -> None:
+        os.lseek(handle, FAR, os.SEEK_SET)
+        msvcrt.locking(handle, msvcrt.LK_NBLCK, 1)
+
+    def _unlock(handle: int) -> None:
+        os.lseek(handle, FAR, os.SEEK_SET)
+        msvcrt.locking(handle, msvcrt.LK_UNLCK, 1)
+
+else:
+    import fcntl
+
+    def _try_lock(handle: int) -> None:
+        fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
+
+    def _unlock(handle: int) -> None:
+        fcntl.flock(handle, fcntl.LOCK_UN)
+
+
+@contextmanager
+def locked(path: Path, handle: int, patience: float = PATIENCE) -> Generator[None]:
+    """Hold an open file alone, against all others that open it and ask for it in the same way.
+
+    Raises `FileError`, naming `path`, when it stays taken for `patience` seconds.
+    """
+    end = time.monotonic() + patience
+    while True:
+        try:
+            _try_lock(handle)
+            break
+        except OSError as error:
+            if time.monotonic() >= end:
+                raise FileError(
+                    path, f"in use by another process for {patience:g} s ({error.strerror}); try again"
+                ) from error
+            time.sleep(PAUSE)
+    try:
+        yield
+    finally:
+        _unlock(handle)

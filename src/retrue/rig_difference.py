@@ -1,0 +1,95 @@
+"""How far two rigs of the same devices are apart: in degrees, in the unit of length, and where the work is."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from retrue.errors import InputError
+from retrue.geometry.arrays import FloatArray
+from retrue.geometry.camera import Camera
+from retrue.geometry.transform import direction_angle, rotation_angle
+from retrue.geometry.triangulation import triangulate
+from retrue.rig import Rig
+
+GRID = (17, 13)  # rays across and down the camera picture
+
+
+@dataclass(frozen=True, slots=True)
+class RigDifference:
+    """From one rig to another; lengths in their unit.
+
+    Attributes
+    ----------
+    rotation_deg, translation_deg : of R, and of the direction of t; NaN where a t is zero.
+    translation : length of the difference of the two t.
+    length : by how much |t| grew.
+    working_distance : depth in the camera frame at which the scene was assumed; None where nobody knows it.
+    displacement : RMS over the picture of how far a point at that depth lands elsewhere. NaN where it lands nowhere.
+    """
+
+    rotation_deg: float
+    translation_deg: float
+    translation: float
+    length: float
+    working_distance: float | None = None
+    displacement: float | None = None
+
+
+def rig_difference(first: Rig, second: Rig, working_distance: float | None = None) -> RigDifference:
+    """Compare two rigs, intrinsics included as far as they move a point at the working distance.
+
+    Raises InputError where sizes or units differ, or the distance is not positive.
+
+    >>> from retrue.geometry.transform import RigidTransform
+    >>> camera = Camera((640, 480), [[800, 0, 320], [0, 800, 240], [0, 0, 1]])
+    >>> rig = Rig(camera, camera, RigidTransform(np.eye(3), [-100.0, 0, 0]))
+    >>> wider = Rig(camera, camera, RigidTransform(np.eye(3), [-101.0, 0, 0]))
+    >>> round(rig_difference(rig, wider, 1000.0).displacement, 1)  # one in a hundred of 1000 and more
+    10.4
+    """
+    for name in ("camera", "projector"):
+        sizes = getattr(first, name).size, getattr(second, name).size
+        if sizes[0] != sizes[1]:
+            raise InputError(f"{name}: expected one size in both rigs, found {sizes[0]} and {sizes[1]}")
+    if first.unit != second.unit:
+        raise InputError(f"unit: expected one unit in both rigs, found {first.unit!r} and {second.unit!r}")
+    if working_distance is not None and not (0 < working_distance < np.inf):
+        raise InputError(f"working distance: expected a positive length, found {working_distance:g}")
+    a, b = first.projector_from_camera, second.projector_from_camera
+    return RigDifference(
+        float(np.degrees(rotation_angle(b.R @ a.R.T))),
+        float(np.degrees(direction_angle(a.t, b.t))),
+        float(np.linalg.norm(b.t - a.t)),
+        float(np.linalg.norm(b.t) - np.linalg.norm(a.t)),
+        working_distance,
+        None if working_distance is None else _displacement(first, second, working_distance),
+    )
+
+
+def _displacement(first: Rig, second: Rig, distance: float) -> float:
+    """What both devices of the first rig see at that depth, measured with the second one."""
+    points = _points_at(first.camera, distance)
+    seen = first.projector.project(first.projector_from_camera.apply(points))
+    with np.errstate(invalid="ignore"):
+        lit = first.projector.contains(seen)
+    if lit.any():  # else the rig works at another distance, and the whole picture must do
+        points, seen = points[lit], seen[lit]
+    moved = triangulate(
+        second.projector_from_camera,
+        second.camera.unproject(first.camera.project(points)),
+        second.projector.unproject(seen),
+        camera_sigma=1 / second.camera.K[0, 0],
+        projector_sigma=1 / second.projector.K[0, 0],
+    )
+    return float(np.sqrt(np.mean(np.sum((moved - points) ** 2, axis=1))))
+
+
+def _points_at(camera: Camera, distance: float) -> FloatArray:
+    """Points (N, 3) at that depth, evenly over the picture."""
+    x, y = (np.linspace(0, side - 1, count) for side, count in zip(camera.size, GRID, strict=True))
+    across, down = np.meshgrid(x, y)
+    rays = camera.unproject(np.column_stack([across.ravel(), down.ravel()]))
+    rays = rays[np.isfinite(rays).all(axis=1)]
+    return np.column_stack([rays, np.ones(len(rays))]) * distance
