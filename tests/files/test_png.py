@@ -1,8 +1,8 @@
 import numpy as np
 import pytest
-from retrue.files.images import read_image
 
 from retrue.errors import FileError, InputError
+from retrue.files.images import read_image
 from retrue.files.png import write_png
 
 
