@@ -25,7 +25,7 @@ CHANNEL_TRUST = np.array([1.0, 2.0, 1.0], np.float32)  # green is sampled twice 
 ROUNDS = 2
 FARTHEST = 0.12  # of a pitch that a centre may lie off the middle of its blob
 STRAIGHT = 4.0  # sigmas by which lines through one block may differ on a smooth surface
-DISAGREEMENT = 0.06  # of a pitch between two ways to measure: more, and the block is cut
+DISAGREEMENT = 0.03  # of a pitch between two ways to measure: more, and the block is cut
 
 Samples = NDArray[np.float32]
 _Offset = Callable[["_Smoothed", Samples, FloatArray, FloatArray, FloatArray, float], FloatArray]
