@@ -3,8 +3,8 @@
     python benchmarks/color_grid_renders.py [FOLDER ...]
 
 A folder holds NAME.png and/or NAME.jpg, NAME.npz (K_c, dist_c, K_p, R, t, cam_size, prj_size, depth, obj_id,
-prj_visible) and NAME.json or pattern.json. Counted are blocks that are wholly visible and at least 6 px wide;
-wrong is more than half a pitch off. The time is set beside that of OpenCV reading the same file, minimum of several runs.
+prj_visible) and NAME.json or pattern.json. Counted are blocks that are wholly visible and at least 6 px wide; wrong
+is more than half a pitch off. The time is set beside that of OpenCV reading the same file, the fastest of several runs.
 """
 
 from __future__ import annotations
