@@ -14,6 +14,7 @@ from retrue.decoding.grid_surface import Joints, agreement, slopes
 from retrue.geometry.arrays import BoolArray, FloatArray, Image
 
 LINES = 3  # profiles side by side, over the middle of the block
+SIDE_LINES = 9  # along each side, where a print disturbs the profiles
 SPREAD = 0.8  # of a block's side that the lines cover
 REACH = 0.5  # pitches that a profile reaches to either side: to the middle of the gaps
 SAMPLES = 9  # along a profile
@@ -74,14 +75,14 @@ def refine_centres(image: Image, coarse: FloatArray, joints: Joints, duty: float
     known = np.isfinite(pitch)
     if not known.any():
         return Centres(np.full_like(coarse, np.nan), np.full(coarse.shape[:2], np.nan))
-    picture = _Smoothed.of(image, float(np.median(pitch[known])))
+    smooth, sharp = _Smoothed.of(image, float(np.median(pitch[known]))), _Smoothed(image, BLUR)
     weights = np.zeros((*known.shape, 3), np.float32)
-    weights[known] = _color_weights(picture, coarse[known], right[known], down[known])
+    weights[known] = _color_weights(smooth, coarse[known], right[known], down[known])
 
-    def measured(rows: BoolArray, start: FloatArray, rounds: int, offset: _Offset) -> FloatArray:
+    def measured(rows: BoolArray, start: FloatArray, picture: _Smoothed, offset: _Offset) -> FloatArray:
         """`start` with the blocks `rows` measured anew; NaN where they run away from where they were seen."""
         position = start.copy()
-        for _ in range(rounds):
+        for _ in range(ROUNDS):
             right, down, bend = slopes(position, joints)
             now = rows & np.isfinite(position[..., 0] + right[..., 0] + down[..., 0])
             if not now.any():
@@ -93,10 +94,10 @@ def refine_centres(image: Image, coarse: FloatArray, joints: Joints, duty: float
             position[~(np.linalg.norm(position - coarse, axis=-1) < FARTHEST * pitch)] = np.nan
         return position
 
-    fitted = measured(known, coarse, ROUNDS, _profile_offset)
+    fitted = measured(known, coarse, smooth, _profile_offset)
     first = agreement(fitted, joints)
     again = known & (first.odd | ~np.isfinite(fitted[..., 0]))
-    by_sides = measured(again, np.where(again[..., None], coarse, fitted), ROUNDS, _side_offset)
+    by_sides = measured(again, np.where(again[..., None], coarse, fitted), sharp, _side_offset)
     second = agreement(by_sides, joints) if again.any() else first
     lost = ~np.isfinite(by_sides[..., 0])
     unsure = again & (second.odd | lost | ~np.isfinite(fitted[..., 0]))
@@ -125,7 +126,7 @@ def _profile_offset(
     order in d that is linear, so A and A d are two fixed filters of the profile.
     """
     t = np.linspace(-REACH, REACH, SAMPLES)
-    profile = _profiles(picture, weights, p, u, v, t, duty)
+    profile = _profiles(picture, weights, p, u, v, t, duty, LINES)
     height_filters, shift_filters = _filters(duty)
     blur = picture.blur_px / np.maximum(np.linalg.norm(u, axis=-1), 1e-6)
     nearest = np.abs(np.log(BLURS) - np.log(blur)[:, None]).argmin(axis=1)
@@ -167,7 +168,7 @@ def _side_offset(
     window = SIDE_WINDOW * min(1 - duty, duty) / 2
     t = np.linspace(-window, window, SIDE_SAMPLES)
     across = np.concatenate([duty / 2 + t, -(duty / 2 + t)])
-    profile = _profiles(picture, weights, p, u, v, across, duty).reshape(len(p), 2, SIDE_SAMPLES)
+    profile = _profiles(picture, weights, p, u, v, across, duty, SIDE_LINES).reshape(len(p), 2, SIDE_SAMPLES)
     inside, outside = profile[..., 0], profile[..., -1]
     height = (profile.mean(axis=-1) - outside) / np.maximum(inside - outside, 1e-6)
     edge = (np.clip(height, 0.0, 1.0) - 0.5) * 2 * window
@@ -175,13 +176,20 @@ def _side_offset(
 
 
 def _profiles(
-    picture: _Smoothed, weights: Samples, p: FloatArray, u: FloatArray, v: FloatArray, t: FloatArray, duty: float
+    picture: _Smoothed,
+    weights: Samples,
+    p: FloatArray,
+    u: FloatArray,
+    v: FloatArray,
+    t: FloatArray,
+    duty: float,
+    lines: int,
 ) -> FloatArray:
-    """(N, len(t)) mean over lines parallel to u, `t` in pitches along u from p."""
-    s = np.linspace(-0.5, 0.5, LINES) * duty * SPREAD
+    """(N, len(t)) mean over `lines` parallel to u, at t pitches along u from p."""
+    s = np.linspace(-0.5, 0.5, lines) * duty * SPREAD
     along, beside = t[:, None, None] * u[:, None, None], s[:, None] * v[:, None, None]
     seen = _sample(picture, p[:, None, None] + along + beside)
-    return np.einsum("ntlc,nc->nt", seen, weights).astype(np.float64) / LINES
+    return np.einsum("ntlc,nc->nt", seen, weights).astype(np.float64) / lines
 
 
 def _sample(picture: _Smoothed, at: FloatArray) -> Samples:

@@ -17,9 +17,9 @@ from retrue.decoding.grid_surface import Joints, in_squares, sound_joints, whole
 from retrue.decoding.grid_windows import (
     SIGNIFICANCE,
     Code,
-    agreeing_links,
     code_of,
     joined_places,
+    neighbours_colors,
     patch_evidence,
     place_blocks,
     surface_evidence,
@@ -28,7 +28,8 @@ from retrue.geometry.arrays import BoolArray, Image, IntArray
 from retrue.patterns.color_grid import ColorGrid
 
 SURROUNDED = 5  # agreeing neighbours of eight, from which on a block's own colour need not be beyond doubt
-RIM_MARGIN = 0.3  # of the colour of all other blocks
+LEAST_AGREEING = 3  # of all other blocks, which may also have one neighbour whose colour is clearly another
+CLEAR_MARGIN = 0.3  # of a colour beyond doubt
 
 
 def look(pattern: ColorGrid, picture: Image, halvings: int) -> GridSight:
@@ -42,8 +43,9 @@ def look(pattern: ColorGrid, picture: Image, halvings: int) -> GridSight:
     right = label == code.color(place)
 
     verdict, holder = _hold_places(code, links, label, place)
-    agree, _ = agreeing_links(code, links, place)
-    sure = (agree.sum(axis=1) >= SURROUNDED) | (right & (margin > RIM_MARGIN))
+    clear = margin > CLEAR_MARGIN
+    agreeing, contradicting = neighbours_colors(code, links, label, clear, place)
+    sure = (agreeing >= SURROUNDED) | ((agreeing >= LEAST_AGREEING) & (contradicting < 2) & right & clear)
     holder = np.where(held_by(holder, sure, False), holder, NONE)
     holder, joints = _on_surfaces(code, blocks, links, place, right, holder)
 

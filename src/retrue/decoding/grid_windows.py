@@ -127,6 +127,21 @@ def agreeing_links(code: Code, links: Links, place: IntArray) -> tuple[BoolArray
     return known & (expected == there), known & (expected != there)
 
 
+def neighbours_colors(
+    code: Code, links: Links, label: IntArray, clear: BoolArray, place: IntArray
+) -> tuple[IntArray, IntArray]:
+    """How many of the eight neighbours of each block (N,) stand where it says and have the colour that the code has
+    there; and how many are `clear`ly of another colour, wherever they stand."""
+    expected = code.moved(place[:, None], OFFSETS, links.around_turn)
+    there = links.around >= 0
+    seen = np.where(there, label[links.around], NONE)
+    right = there & (expected >= 0) & (seen == code.color(expected))
+    agree, _ = agreeing_links(code, links, place)
+    wrong = there & (expected >= 0) & ~right & clear[links.around]
+    wrong[:, 4] = False
+    return (agree & right).sum(axis=1), wrong.sum(axis=1)
+
+
 def surface_evidence(code: Code, links: Links, label: IntArray, place: IntArray) -> FloatArray:
     """By how many nats the surface of each block (N,), held by agreeing links, matches the code beyond chance."""
     agree, _ = agreeing_links(code, links, place)
