@@ -25,6 +25,8 @@ if TYPE_CHECKING:
     from retrue.geometry.planar_pose import planar_pose_candidates as planar_pose_candidates
     from retrue.geometry.planar_pose import planar_pose_candidates_batch as planar_pose_candidates_batch
     from retrue.geometry.plane import Plane as Plane
+    from retrue.geometry.robust_homography import RobustHomography as RobustHomography
+    from retrue.geometry.robust_homography import fit_homography_robust as fit_homography_robust
     from retrue.geometry.transform import RigidTransform as RigidTransform
     from retrue.geometry.triangulation import triangulate as triangulate
     from retrue.patterns.color_grid import ColorGrid as ColorGrid
@@ -63,9 +65,11 @@ _HOMES = {
     "RetrueError": "errors",
     "Rig": "rig",
     "RigidTransform": "geometry.transform",
+    "RobustHomography": "geometry.robust_homography",
     "Verification": "recalibration.result",
     "decode": "decoding.decode",
     "fit_homography": "geometry.homography",
+    "fit_homography_robust": "geometry.robust_homography",
     "load_kernels": "geometry.compiled",
     "make_mesh": "reconstruction.mesh",
     "planar_pose_candidates": "geometry.planar_pose",

@@ -9,11 +9,12 @@ import numpy as np
 from retrue.errors import DegenerateError
 from retrue.geometry.arrays import FloatArray, IntArray
 from retrue.geometry.planar_pose import PlanarPose, planar_pose_candidates, twin_pose
+from retrue.geometry.robust_homography import local_noise
 from retrue.geometry.transform import direction_angle, rotation_angle
 from retrue.geometry.two_view import FREE, TwoViewPoints, TwoViewPose, planes_of_pose
 from retrue.recalibration.fit import PoseFit, chi_square, evaluate, gather, picture_blocks, refine
 from retrue.recalibration.options import RecalibrateOptions
-from retrue.recalibration.planes import local_noise, split_planes
+from retrue.recalibration.planes import split_planes
 from retrue.recalibration.prepare import Rays
 
 COMPARED_POINTS = 4000  # enough to tell the twins apart; the chosen one is then refined on all

@@ -1,0 +1,56 @@
+"""The robust homography: near the bound among wrong matches, honest about its inliers, and silent on chance."""
+
+import numpy as np
+import pytest
+
+from retrue.errors import DegenerateError, InputError
+from retrue.geometry.homography import apply_homography, fit_homography
+from retrue.geometry.robust_homography import fit_homography_robust
+
+TRUTH = np.array([[1.1, 0.05, 0.2], [-0.1, 0.95, -0.1], [0.3, -0.2, 1.0]])
+
+
+def matches(count: int, wrong: float, rng: np.random.Generator) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    source = rng.uniform(-0.3, 0.3, (count, 2))
+    target = apply_homography(TRUTH, source) + rng.normal(0, 3e-4, (count, 2))
+    bad = rng.random(count) < wrong
+    target[bad] = rng.uniform(-0.4, 0.6, (int(bad.sum()), 2))
+    return source, target, bad
+
+
+@pytest.mark.parametrize("wrong", [0.0, 0.2, 0.5])
+@pytest.mark.parametrize("count", [50, 400])
+def test_wrong_matches_cost_little_more_than_their_number(count: int, wrong: float) -> None:
+    rng = np.random.default_rng(1)
+    corners = np.array([[-0.3, -0.3], [0.3, -0.3], [0.3, 0.3], [-0.3, 0.3]])
+    found_error, best_error = [], []
+    for seed in range(16):
+        source, target, bad = matches(count, wrong, rng)
+        found = fit_homography_robust(source, target, seed=seed)
+        assert found.noise == pytest.approx(3e-4, rel=0.6)
+        oracle = fit_homography(source[~bad], target[~bad], source_sigma=0)
+        for H, errors in ((found.homography, found_error), (oracle, best_error)):
+            errors.append(apply_homography(H, corners) - apply_homography(TRUTH, corners))
+    assert np.sqrt(np.mean(np.square(found_error))) < 1.1 * np.sqrt(np.mean(np.square(best_error)))
+
+
+def test_exact_points_and_a_given_noise_work() -> None:
+    source, _, _ = matches(30, 0, np.random.default_rng(2))
+    target = apply_homography(TRUTH, source)
+    target[:8] += 0.1
+    for noise in (None, 1e-4):
+        found = fit_homography_robust(source, target, noise=noise)
+        assert np.flatnonzero(~found.inliers).tolist() == list(range(8))
+        assert np.abs(found.homography / found.homography[2, 2] - TRUTH).max() < 1e-8
+
+
+def test_matches_by_chance_are_refused() -> None:
+    rng = np.random.default_rng(3)
+    with pytest.raises(DegenerateError):
+        fit_homography_robust(rng.uniform(-1, 1, (300, 2)), rng.uniform(-1, 1, (300, 2)))
+    with pytest.raises(DegenerateError):
+        fit_homography_robust(np.ones((20, 2)), np.ones((20, 2)))
+    with pytest.raises(InputError):
+        fit_homography_robust(np.ones((7, 2)), np.ones((7, 2)))
+    with pytest.raises(InputError):
+        fit_homography_robust(np.ones((20, 2)), np.ones((20, 2)), noise=float("nan"))
