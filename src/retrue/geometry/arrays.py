@@ -36,7 +36,9 @@ def finite_array(value: ArrayLike, shape: tuple[int | None, ...], name: str) -> 
 
 
 def frozen_array(array: FloatArray) -> FloatArray:
-    """A read-only copy, for the fields of frozen dataclasses."""
+    """A read-only copy, for the fields of frozen dataclasses; itself where nobody can write to it."""
+    if array.dtype == np.float64 and array.flags.owndata and not array.flags.writeable:
+        return array
     copy = np.array(array, dtype=np.float64)
     copy.setflags(write=False)
     return copy

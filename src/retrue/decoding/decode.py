@@ -1,0 +1,46 @@
+"""From pictures to correspondences, whichever pattern they show."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from retrue.correspondences import Correspondences
+from retrue.errors import InputError
+from retrue.geometry.arrays import Image
+from retrue.patterns.gray_code import GrayCode
+from retrue.patterns.pattern import Pattern
+
+
+def decode(pattern: Pattern, images: Image | Sequence[Image], *, names: Sequence[str] | None = None) -> Correspondences:
+    """Match camera pixels with projector pixels.
+
+    Parameters
+    ----------
+    pattern : what the projector showed.
+    images : colour grid: the picture of it, then optionally a black and a white one of the same scene.
+        Gray code: all pictures in the pattern's order, white and black last, first or left out.
+        Each (height, width) or (height, width, 3), red green blue, uint8 or uint16.
+    names : of the pictures, for messages; "picture 3" where not given.
+
+    Returns
+    -------
+    Correspondences
+        camera and projector pixels, only valid ones; its `card` tells what was left out and why.
+
+    Raises
+    ------
+    CaptureError
+        the pictures do not belong together or do not show this pattern; names the picture.
+    """
+    pictures: list[Image] = [images] if hasattr(images, "ndim") else list(images)  # type: ignore[list-item]
+    if isinstance(pattern, GrayCode):
+        from retrue.decoding.gray_code import decode_gray_code
+
+        return decode_gray_code(pattern, pictures, names)
+    if not 1 <= len(pictures) <= 3:
+        raise InputError(
+            f"colour grid: expected its picture, and at most a black and a white one, found {len(pictures)} pictures"
+        )
+    from retrue.decoding.color_grid import decode_color_grid
+
+    return decode_color_grid(pattern, *pictures)

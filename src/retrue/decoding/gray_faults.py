@@ -1,0 +1,189 @@
+"""What is wrong with a Gray-code capture, said by the picture.
+
+Two pictures of a pair complement each other: where one is as bright as white, the other is as dark as black. All
+tests look at a sample of pixels, scaled so that 0 is the darkest and 1 the brightest that each pixel has seen.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Sequence
+from itertools import pairwise
+
+import numpy as np
+from numpy.typing import NDArray
+
+from retrue.decoding.gray_bits import CodeImage
+from retrue.errors import CaptureError
+from retrue.geometry.arrays import FloatArray, Image
+from retrue.patterns.gray_code import GrayCode
+
+CAPTURE = "capture"
+"""Stands for the capture in messages until the reader of the folder puts its path there."""
+
+LEAST_CONTRAST = 8 / 255
+"""Of full scale: below it, a capture is dark."""
+SAMPLE_ROWS, SAMPLE_COLUMNS = 24, 400
+ALIKE = 0.1
+"""Two pictures whose scaled difference is below it almost everywhere show the same."""
+CONFLICT = 0.7
+"""|pattern + inverse - 1| of a pixel where both are bright or both are dark; blurred stripes stay below it."""
+MOST_CONFLICTS = 0.15
+LEAST_TRANSITIONS = 16
+MOST_OUTSIDE = 0.02
+
+
+def require_light(grey: Sequence[Image]) -> None:
+    """Raise where no pixel's brightness changes much from picture to picture."""
+    values = _sample(grey)
+    full_scale = 255.0 if grey[0].dtype == np.uint8 else 65535.0
+    contrast = float(np.percentile(values.max(axis=0) - values.min(axis=0), 99)) / full_scale
+    if not contrast > LEAST_CONTRAST:
+        raise CaptureError(
+            CAPTURE,
+            f"nothing is lit: brightness changes by {100 * contrast:.1f} % of full scale at most "
+            f"(black frames?); turn the projector on or expose longer",
+        )
+
+
+def require_complements(grey: Sequence[Image], names: Sequence[str], pairs: Sequence[int]) -> None:
+    """Raise where pattern and inverse do not complement each other, and say which picture is to blame."""
+    scaled = _scaled(grey)
+    bad = [index for index in pairs if not _complement(scaled[index], scaled[index + 1])]
+    if not bad:
+        return
+    more = f"; {len(bad)} of {len(pairs)} pairs do not fit" if len(bad) > 1 else ""
+    raise CaptureError(CAPTURE, f"{_blame(scaled, names, bad[0])}{more}: take the capture again")
+
+
+def ends_with_white_and_black(grey: Sequence[Image]) -> bool:
+    """Whether the last two pictures are all bright and all dark."""
+    *_, white, black = _scaled(grey)
+    return bool(np.percentile(white, 5) > 0.8 and np.percentile(black, 95) < 0.2)
+
+
+def explain_count(pattern: GrayCode, grey: Sequence[Image], names: Sequence[str]) -> str:
+    """Why the number of pictures is not what the pattern asks for."""
+    width, height = pattern.projector_size
+    found, expected = len(grey), pattern.picture_count
+    counts = (
+        f"expected {expected} pictures ({pattern.bits[0]} + {pattern.bits[1]} bits, pattern and inverse, white and "
+        f"black) for a projector of {width} x {height}, found {found}"
+    )
+    gap = _missing_number(names)
+    if found == expected - 1 and gap:
+        return f"{counts}: {gap}"
+    if found < 4:
+        return counts
+    scaled = _scaled(grey)
+    complete = [
+        all(_complement(scaled[index], scaled[index + 1]) for index in range(first, first + found - 3, 2))
+        for first in (0, 2)
+    ]
+    if found % 2 == 0 and any(complete):
+        return f"{counts}, every pair complete: is the pattern's projector size (or step) the one that was projected?"
+    first = 2 if float(scaled[0].mean()) > 0.9 and float(scaled[1].mean()) < 0.1 else 0
+    what = [
+        f"{axis} bit {bit}" for axis, bits in zip(("column", "row"), pattern.bits, strict=True) for bit in range(bits)
+    ]
+    for pair, index in enumerate(range(first, found - 1, 2)):
+        if pair < len(what) and not _complement(scaled[index], scaled[index + 1]):
+            if found > expected:
+                return f"{counts}: {_blame(scaled, names, index)}"
+            return f"{counts}: of {what[pair]}, {names[index]} has no counterpart (its pattern or inverse is missing)"
+    return f"{counts}: white or black is missing" if found == expected - 1 else counts
+
+
+def require_order(code: CodeImage, neighbour: CodeImage, names: Sequence[tuple[str, str]], axis: str) -> None:
+    """Raise where pictures of an axis are swapped; `names` of its pairs, most significant bit first.
+
+    `code` and `neighbour`, both (N,), are the codes of neighbouring pixels.
+    """
+    wrong = _order_violations(code, neighbour, len(names))
+    if np.count_nonzero(wrong > 0.25) > 1:
+        problem = f"the {axis} pictures are not in order"
+    elif wrong.max(initial=0) > 0.8:
+        pattern, inverse = names[len(names) - 1 - int(np.argmax(wrong))]
+        problem = f"pattern and inverse are swapped: {pattern} and {inverse}"
+    else:
+        return
+    raise CaptureError(CAPTURE, f"{problem}; expected pattern before inverse, most significant bit first")
+
+
+def _order_violations(code: CodeImage, neighbour: CodeImage, bits: int) -> FloatArray:
+    """For each bit, least significant first, how often it is not what the change of a higher bit asks for; (bits,).
+
+    Where bit j of a Gray code changes, the next lower bit is 1 and all below it are 0, everywhere. The most
+    significant bit has none above it: swapped, it mirrors the code, which no picture can tell.
+    """
+    gray = code ^ (code >> 1)
+    changed = gray ^ neighbour ^ (neighbour >> 1)
+    single = (changed != 0) & ((changed & (changed - 1)) == 0)
+    changed, gray = changed[single], gray[single]
+    wrong = (gray & (changed - 1)) ^ (changed >> 1)
+    shares = np.zeros(bits)
+    for bit in range(bits - 1):
+        above = changed > (1 << bit)
+        if np.count_nonzero(above) >= LEAST_TRANSITIONS:
+            shares[bit] = np.mean((wrong[above] >> bit) & 1)
+    return shares
+
+
+def require_inside(agreed: int, outside: Sequence[int], largest: Sequence[int], pattern: GrayCode) -> None:
+    """Raise where many codes lie beyond the projector; `outside` and `largest` code by axis."""
+    for axis, side, name in zip(range(2), pattern.projector_size, ("column", "row"), strict=True):
+        if outside[axis] > MOST_OUTSIDE * agreed:
+            reached = (largest[axis] - pattern.offset[axis] + 1) * pattern.step
+            raise CaptureError(
+                CAPTURE,
+                f"codes exceed the projector: {100 * outside[axis] / agreed:.0f} % of the pixels see {name}s up "
+                f"to {reached - 1}, the pattern's projector_size has {side}; is it the size that was projected?",
+            )
+
+
+def _blame(scaled: FloatArray, names: Sequence[str], index: int) -> str:
+    """Which of the pictures `index` and `index` + 1, which do not complement each other, is wrong and how."""
+    for picture in (index, index + 1):
+        if float(np.percentile(scaled[picture], 90)) < 0.2:
+            return f"{names[picture]} is black"
+        if float(np.percentile(scaled[picture], 10)) > 0.8:
+            return f"{names[picture]} is all white"
+    for picture in (index, index + 1):
+        if picture > 0 and _alike(scaled[picture], scaled[picture - 1]):
+            return f"{names[picture]} shows the same as {names[picture - 1]} before it (late, repeated or doubled)"
+    return f"{names[index]} and {names[index + 1]} are not pattern and inverse of each other (a late or moved frame?)"
+
+
+def _complement(first: FloatArray, second: FloatArray) -> bool:
+    return bool(np.mean(np.abs(first + second - 1) > CONFLICT) < MOST_CONFLICTS)
+
+
+def _alike(first: FloatArray, second: FloatArray) -> bool:
+    return bool(np.percentile(np.abs(first - second), 80) < ALIKE)
+
+
+def _scaled(grey: Sequence[Image]) -> FloatArray:
+    """(pictures, pixels) of a sample of the lit pixels: 0 the darkest, 1 the brightest that the pixel has seen."""
+    values = _sample(grey)
+    darkest, brightest = values.min(axis=0), values.max(axis=0)
+    contrast = brightest - darkest
+    lit = contrast > 0.3 * np.percentile(contrast, 99)
+    return (values[:, lit] - darkest[lit]) / contrast[lit]
+
+
+def _sample(grey: Sequence[Image]) -> NDArray[np.float32]:
+    height, width = grey[0].shape
+    rows, columns = slice(None, None, max(height // SAMPLE_ROWS, 1)), slice(None, None, max(width // SAMPLE_COLUMNS, 1))
+    return np.stack([image[rows, columns].ravel() for image in grey]).astype(np.float32)
+
+
+def _missing_number(names: Sequence[str]) -> str:
+    """The one number that is missing from numbered names, or nothing."""
+    runs = [re.findall(r"\d+", name.rsplit(".", 1)[0]) for name in names]
+    if not all(runs):
+        return ""
+    numbers = [int(run[-1]) for run in runs]
+    for before, (number, following) in enumerate(pairwise(numbers)):
+        if following == number + 2 and numbers[-1] - numbers[0] == len(numbers):
+            return f"number {number + 1} is missing, after {names[before]}"
+    return ""

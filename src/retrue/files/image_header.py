@@ -1,0 +1,78 @@
+"""Size and channels of a picture from its first bytes, before any memory is taken for its pixels."""
+
+from __future__ import annotations
+
+import struct
+from dataclasses import dataclass
+from pathlib import Path
+from typing import BinaryIO
+
+from retrue.errors import FileError
+
+
+@dataclass(frozen=True, slots=True)
+class ImageHeader:
+    """size (width, height); channels 1 for grey, else 3 (or 4)."""
+
+    size: tuple[int, int]
+    channels: int
+
+
+def read_image_header(path: Path) -> ImageHeader:
+    """From a PNG, JPEG, BMP or TIFF file, told by its content; `FileError` for anything else."""
+    try:
+        with path.open("rb") as stream:
+            start = stream.read(32)
+            if start.startswith(b"\x89PNG\r\n\x1a\n"):
+                return _png(start)
+            if start.startswith(b"\xff\xd8"):
+                return _jpeg(stream)
+            if start.startswith(b"BM"):
+                return _bmp(start)
+            if start[:4] in (b"II*\0", b"MM\0*"):
+                return _tiff(stream, "<" if start[:1] == b"I" else ">")
+    except OSError as error:
+        raise FileError(path, f"cannot be read: {error.strerror or error}") from error
+    except (struct.error, ValueError, KeyError, IndexError) as error:
+        raise FileError(path, "not a picture that can be read: damaged or cut short") from error
+    raise FileError(path, "not a picture: expected PNG, JPEG, BMP or TIFF")
+
+
+def _png(start: bytes) -> ImageHeader:
+    width, height, _, color_type = struct.unpack_from(">IIBB", start, 16)
+    return ImageHeader((width, height), 1 if color_type in (0, 4) else 3)
+
+
+def _bmp(start: bytes) -> ImageHeader:
+    width, height, _, bits = struct.unpack_from("<iiHH", start, 18)
+    return ImageHeader((width, abs(height)), 1 if bits < 8 else 3)
+
+
+def _jpeg(stream: BinaryIO) -> ImageHeader:
+    stream.seek(2)
+    while True:
+        marker = stream.read(2)
+        if len(marker) < 2 or marker[0] != 0xFF:
+            raise ValueError("no marker")
+        if marker[1] == 0xFF:  # a fill byte
+            stream.seek(-1, 1)
+            continue
+        (length,) = struct.unpack(">H", stream.read(2))
+        is_frame = 0xC0 <= marker[1] <= 0xCF and marker[1] not in (0xC4, 0xC8, 0xCC)
+        if is_frame:
+            _, height, width, channels = struct.unpack(">BHHB", stream.read(6))
+            return ImageHeader((width, height), channels)
+        stream.seek(length - 2, 1)
+
+
+def _tiff(stream: BinaryIO, order: str) -> ImageHeader:
+    stream.seek(4)
+    stream.seek(struct.unpack(order + "I", stream.read(4))[0])
+    (count,) = struct.unpack(order + "H", stream.read(2))
+    tags: dict[int, int] = {277: 1}
+    for _ in range(count):
+        tag, kind, _, value = struct.unpack(order + "HHI4s", stream.read(12))
+        if kind in (3, 4):  # SHORT, LONG
+            tags[tag] = struct.unpack_from(order + ("H" if kind == 3 else "I"), value)[0]
+    palette = tags.get(262) == 3
+    return ImageHeader((tags[256], tags[257]), 3 if palette else tags[277])

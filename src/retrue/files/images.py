@@ -1,0 +1,138 @@
+"""Pictures from files and folders."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Sequence
+from concurrent.futures import ThreadPoolExecutor
+from pathlib import Path
+from typing import cast
+
+import numpy as np
+
+from retrue.errors import CaptureError, FileError
+from retrue.files.image_header import ImageHeader, read_image_header
+from retrue.geometry.arrays import Image
+
+SUFFIXES = frozenset({".png", ".jpg", ".jpeg", ".bmp", ".tif", ".tiff"})
+MAX_PIXELS = 200_000_000
+MAX_PICTURES = 1000
+
+
+def read_image(path: str | Path, *, grey: bool = False) -> Image:
+    """A PNG, JPEG, BMP or TIFF picture, 8 or 16 bit.
+
+    Parameters
+    ----------
+    path : the file; told by its content, not by its ending.
+    grey : luminance only, which is quicker to read.
+
+    Returns
+    -------
+    Image
+        (height, width), or (height, width, 3) in the order red, green, blue; uint8 or uint16. Transparency
+        is dropped, and no rotation that a camera noted beside the pixels is applied.
+
+    Raises
+    ------
+    FileError
+        no such file, not a picture, cut short, or larger than 200 megapixels (which it tells before any
+        memory is taken).
+    """
+    path = Path(path)
+    return _decoded(path, _checked_header(path), grey)
+
+
+def read_folder(path: str | Path, *, color: Sequence[int] = ()) -> tuple[list[Image], list[Path]]:
+    """The pictures of a folder, by number rather than by letter: img2 before img10.
+
+    Parameters
+    ----------
+    path : the folder; files with another ending than a picture's, and hidden ones, are left alone.
+    color : positions (negative ones count from the end) of pictures to read in colour; all others are
+        read as grey.
+
+    Returns
+    -------
+    tuple
+        the pictures, all of one size, and their paths.
+
+    Raises
+    ------
+    CaptureError
+        no such folder, no picture in it, or pictures of different sizes.
+    FileError
+        a picture that cannot be read.
+    """
+    folder = Path(path)
+    paths = _picture_paths(folder)
+    with ThreadPoolExecutor(2) as threads:
+        headers = list(threads.map(_checked_header, paths))
+        _require_one_size(folder, paths, [header.size for header in headers])
+        in_color = {index % len(paths) for index in color if -len(paths) <= index < len(paths)}
+        grey = [index not in in_color for index in range(len(paths))]
+        images = list(threads.map(_decoded, paths, headers, grey))
+    return images, paths
+
+
+def natural_key(name: str) -> list[tuple[int, str]]:
+    """Sorts names as people count: runs of digits by value.
+
+    >>> sorted(["cam_10.png", "cam_9.png", "cam_09b.png"], key=natural_key)
+    ['cam_9.png', 'cam_09b.png', 'cam_10.png']
+    """
+    parts = re.split(r"(\d+)", name.casefold())
+    return [(int(part), "") if part.isdigit() else (0, part) for part in parts]
+
+
+def _picture_paths(folder: Path) -> list[Path]:
+    try:
+        entries = [entry for entry in folder.iterdir() if not entry.name.startswith(".")]
+    except FileNotFoundError:
+        raise CaptureError(folder, "no such folder") from None
+    except OSError as error:
+        raise CaptureError(folder, f"cannot be read as a folder: {error.strerror or error}") from error
+    paths = [entry for entry in entries if entry.suffix.lower() in SUFFIXES and entry.is_file()]
+    if not paths:
+        raise CaptureError(folder, "no pictures in it: expected PNG, JPEG, BMP or TIFF files")
+    if len(paths) > MAX_PICTURES:
+        raise CaptureError(folder, f"expected one capture, found {len(paths)} pictures")
+    return sorted(paths, key=lambda entry: (natural_key(entry.name), entry.name))
+
+
+def _require_one_size(folder: Path, paths: Sequence[Path], sizes: Sequence[tuple[int, int]]) -> None:
+    usual = max(set(sizes), key=sizes.count)
+    odd = [(entry.name, size) for entry, size in zip(paths, sizes, strict=True) if size != usual]
+    if odd:
+        (name, (width, height)), more = odd[0], f" (and {len(odd) - 1} more)" if len(odd) > 1 else ""
+        raise CaptureError(
+            folder, f"{name}{more} is {width} x {height} pixels, the others {usual[0]} x {usual[1]}: take it again"
+        )
+
+
+def _checked_header(path: Path) -> ImageHeader:
+    header = read_image_header(path)
+    width, height = header.size
+    if not 0 < width * height <= MAX_PIXELS:
+        raise FileError(
+            path, f"expected a picture of at most {MAX_PIXELS // 10**6} megapixels, found {width} x {height}"
+        )
+    return header
+
+
+def _decoded(path: Path, header: ImageHeader, grey: bool) -> Image:
+    import cv2
+
+    flags = cv2.IMREAD_ANYDEPTH | cv2.IMREAD_IGNORE_ORIENTATION
+    flags |= cv2.IMREAD_GRAYSCALE if grey or header.channels == 1 else cv2.IMREAD_COLOR
+    try:
+        image = cast("Image | None", cv2.imdecode(np.fromfile(path, dtype=np.uint8), flags))
+    except OSError as error:
+        raise FileError(path, f"cannot be read: {error.strerror or error}") from error
+    except cv2.error as error:
+        raise FileError(path, f"not a picture that can be read: {error.err}") from error
+    if image is None or image.shape[:2] != header.size[::-1]:
+        raise FileError(path, "not a picture that can be read: damaged or cut short")
+    if image.dtype.name not in ("uint8", "uint16"):
+        raise FileError(path, f"expected 8 or 16 bits a channel, found {image.dtype}")
+    return image if image.ndim == 2 else np.ascontiguousarray(image[..., ::-1])

@@ -1,0 +1,176 @@
+"""Pattern specs as JSON: a colour grid or a Gray code, the format of the contract."""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any, cast
+
+from retrue.errors import FileError, InputError
+from retrue.files.atomic import replaced_file
+from retrue.patterns.color_grid import ColorGrid
+from retrue.patterns.gray_code import MAX_PROJECTOR_SIDE, ORDER, GrayCode
+from retrue.patterns.pattern import Pattern
+
+MAX_BYTES = 64 * 2**20
+MAX_COLORS = 256
+
+
+def read_pattern(path: str | Path) -> Pattern:
+    """The spec in a JSON file; keys that it does not know are left alone.
+
+    Raises
+    ------
+    FileError
+        no such file, no JSON, a key missing, a value of the wrong type or out of range.
+    """
+    path = Path(path)
+    spec = _read_object(path)
+    try:
+        if spec.get("format") != "retrue-pattern":
+            raise InputError(f'expected "format": "retrue-pattern", found {_shown(spec.get("format"))}')
+        if spec.get("version") != 1:
+            raise InputError(f'expected "version": 1, found {_shown(spec.get("version"))}')
+        kind = spec.get("kind")
+        if kind == "gray-code":
+            return _gray_code(spec)
+        if kind == "color-grid":
+            return _color_grid(spec)
+        raise InputError(f'expected "kind": "gray-code" or "color-grid", found {_shown(kind)}')
+    except InputError as error:
+        raise FileError(path, f"not a pattern: {error}") from error
+
+
+def write_pattern(path: str | Path, pattern: Pattern) -> None:
+    """Write the spec as JSON, whole or not at all."""
+    spec: dict[str, Any] = {"format": "retrue-pattern", "version": 1}
+    if isinstance(pattern, GrayCode):
+        spec |= {"kind": "gray-code", "projector_size": pattern.projector_size, "order": ORDER}
+        if pattern.step != 1:
+            spec["step"] = pattern.step
+        if any(pattern.offset):
+            spec["offset"] = pattern.offset
+    else:
+        spec |= {"kind": "color-grid", "projector_size": pattern.projector_size, "colors": pattern.colors}
+        spec |= {"pitch": pattern.pitch, "block": pattern.block, "origin": pattern.origin, "code": pattern.code}
+    with replaced_file(path) as stream:
+        stream.write((json.dumps(spec) + "\n").encode())
+
+
+def _read_object(path: Path) -> Mapping[str, Any]:
+    try:
+        with path.open("rb") as stream:
+            content = stream.read(MAX_BYTES + 1)
+    except OSError as error:
+        raise FileError(path, f"cannot be read: {error.strerror or error}") from error
+    if len(content) > MAX_BYTES:
+        raise FileError(path, f"not a pattern: larger than {MAX_BYTES // 2**20} MB")
+    try:
+        value = json.loads(content)
+    except (ValueError, RecursionError) as error:
+        raise FileError(path, f"not a pattern: not JSON ({_first_line(error)})") from error
+    if not isinstance(value, dict):
+        raise FileError(path, f"not a pattern: expected a JSON object, found {_shown(value)}")
+    return cast(Mapping[str, Any], value)
+
+
+def _gray_code(spec: Mapping[str, Any]) -> GrayCode:
+    order = _required(spec, "order")
+    if order != ORDER:
+        raise InputError(f'order: expected "{ORDER}", found {_shown(order)}')
+    width, height = _projector_size(spec)
+    first_column, first_row = _whole_numbers(spec.get("offset", [0, 0]), "offset", 2, 0, MAX_PROJECTOR_SIDE - 1)
+    step = _whole(spec.get("step", 1), "step", 1, min(width, height))
+    return GrayCode((width, height), step, (first_column, first_row))
+
+
+def _color_grid(spec: Mapping[str, Any]) -> ColorGrid:
+    width, height = _projector_size(spec)
+    colors = _items(_required(spec, "colors"), "colors", at_most=MAX_COLORS)
+    if len(colors) < 2:
+        raise InputError(f"colors: expected at least two, found {len(colors)}")
+    pitch = _positive(_required(spec, "pitch"), "pitch")
+    block = _positive(_required(spec, "block"), "block")
+    if not block <= pitch:
+        raise InputError(f"block: expected at most the pitch {pitch:g}, found {block:g}")
+    origin = [_number(value, "origin") for value in _items(_required(spec, "origin"), "origin", exactly=2)]
+    code = _items(_required(spec, "code"), "code", at_most=height)
+    if not code:
+        raise InputError("code: expected rows, found none")
+    columns = len(_items(code[0], "code[0]", at_most=width))
+    rows = tuple(tuple(_whole_numbers(row, f"code[{r}]", columns, 0, len(colors) - 1)) for r, row in enumerate(code))
+    if columns == 0:
+        raise InputError("code[0]: expected colours, found none")
+    for name, first, count, side in (("columns", origin[0], columns, width), ("rows", origin[1], len(rows), height)):
+        low, high = first - block / 2, first + (count - 1) * pitch + block / 2
+        if not (low >= -0.5 and high <= side - 0.5):
+            raise InputError(
+                f"blocks outside the projector: its {name} end at {side - 0.5:g}, the blocks span {low:g} to {high:g}"
+            )
+    return ColorGrid(
+        projector_size=(width, height),
+        colors=tuple(cast(tuple[int, int, int], tuple(_whole_numbers(c, "colors", 3, 0, 255))) for c in colors),
+        pitch=pitch,
+        block=block,
+        origin=(origin[0], origin[1]),
+        code=rows,
+    )
+
+
+def _projector_size(spec: Mapping[str, Any]) -> tuple[int, int]:
+    width, height = _whole_numbers(_required(spec, "projector_size"), "projector_size", 2, 1, MAX_PROJECTOR_SIDE)
+    return width, height
+
+
+def _required(spec: Mapping[str, Any], key: str) -> Any:
+    if key not in spec:
+        raise InputError(f'key "{key}" is missing')
+    return spec[key]
+
+
+def _items(value: Any, name: str, exactly: int | None = None, at_most: int | None = None) -> Sequence[Any]:
+    if not isinstance(value, list):
+        raise InputError(f"{name}: expected a list, found {_shown(value)}")
+    items = cast(list[Any], value)
+    if exactly is not None and len(items) != exactly:
+        raise InputError(f"{name}: expected {exactly} values, found {len(items)}")
+    if at_most is not None and len(items) > at_most:
+        raise InputError(f"{name}: expected at most {at_most} values, found {len(items)}")
+    return items
+
+
+def _whole_numbers(value: Any, name: str, count: int, low: int, high: int) -> list[int]:
+    return [_whole(item, name, low, high) for item in _items(value, name, exactly=count)]
+
+
+def _whole(value: Any, name: str, low: int, high: int) -> int:
+    if not (isinstance(value, (int, float)) and not isinstance(value, bool) and value == math.floor(value)):
+        raise InputError(f"{name}: expected a whole number, found {_shown(value)}")
+    if not low <= value <= high:
+        raise InputError(f"{name}: expected {low} to {high}, found {_shown(value)}")
+    return int(value)
+
+
+def _number(value: Any, name: str) -> float:
+    if not (isinstance(value, (int, float)) and not isinstance(value, bool) and math.isfinite(value)):
+        raise InputError(f"{name}: expected a finite number, found {_shown(value)}")
+    return float(value)
+
+
+def _positive(value: Any, name: str) -> float:
+    number = _number(value, name)
+    if not number > 0:
+        raise InputError(f"{name}: expected a positive number, found {number:g}")
+    return number
+
+
+def _shown(value: Any) -> str:
+    """A value as JSON, cut so that it fits on the line of an error."""
+    text = json.dumps(value)
+    return text if len(text) <= 40 else text[:37] + "..."
+
+
+def _first_line(error: Exception) -> str:
+    return str(error).splitlines()[0] if str(error) else type(error).__name__

@@ -1,0 +1,59 @@
+"""Captures from disk: each kind, and each that does not go with its pattern."""
+
+from __future__ import annotations
+
+import cv2
+import numpy as np
+import pytest
+
+from retrue.errors import CaptureError, FileError
+from retrue.files.captures import read_capture
+from retrue.patterns.color_grid import ColorGrid
+from retrue.patterns.gray_code import GrayCode
+
+PATTERN = GrayCode((40, 30))
+GRID = ColorGrid((40, 30), ((255, 0, 0), (0, 255, 0)), 10.0, 6.0, (8.0, 8.0), ((0, 1, 0), (1, 0, 1)))
+
+
+@pytest.fixture
+def folder(tmp_path):
+    """What a camera sees that looks at the projector's own picture, three pixels to one."""
+    for index, picture in enumerate(PATTERN.render()):
+        seen = cv2.resize(picture, (120, 90), interpolation=cv2.INTER_NEAREST) // 2 + 20
+        cv2.imwrite(str(tmp_path / f"img{index + 1}.png"), np.stack([seen, seen, seen // 2], axis=-1))
+    return tmp_path
+
+
+def test_folder_of_a_gray_code(folder):
+    points = read_capture(folder, PATTERN)
+    assert len(points) > 0.8 * 120 * 90
+    assert np.abs(points.projector_px - (points.camera_px - 1) / 3).max() < 0.05
+    assert points.colors[0].tolist() == [73, 147, 147]
+
+
+def test_faults_name_the_folder_and_the_picture(folder):
+    (folder / "img7.png").unlink()
+    with pytest.raises(CaptureError, match=r"number 7 is missing, after img6\.png") as caught:
+        read_capture(folder, PATTERN)
+    assert str(caught.value).startswith(str(folder))
+
+
+def test_picture_that_is_none(folder):
+    (folder / "img7.png").write_bytes(b"nothing")
+    with pytest.raises(FileError, match=r"img7\.png: not a picture"):
+        read_capture(folder, PATTERN)
+
+
+def test_kind_of_capture_and_pattern_must_agree(folder):
+    with pytest.raises(CaptureError, match="pattern is a colour grid"):
+        read_capture(folder, GRID)
+    with pytest.raises(CaptureError, match="pattern is a Gray code"):
+        read_capture(folder / "img1.png", PATTERN)
+    for path in (folder, folder / "img1.png"):
+        with pytest.raises(CaptureError, match="--pattern"):
+            read_capture(path)
+
+
+def test_nothing_there(tmp_path):
+    with pytest.raises(FileError, match="no such file or folder"):
+        read_capture(tmp_path / "none", PATTERN)

@@ -1,0 +1,111 @@
+"""Pictures in: every format, depth and colour; everything else is refused in one line."""
+
+from __future__ import annotations
+
+import struct
+import zlib
+
+import cv2
+import numpy as np
+import pytest
+
+from retrue.errors import CaptureError, FileError
+from retrue.files.images import read_folder, read_image
+
+RAMP = np.add.outer(np.arange(20), 3 * np.arange(30)).astype(np.uint8)
+COLOR = np.stack([RAMP, RAMP // 2, 255 - RAMP], axis=-1)
+
+
+@pytest.mark.parametrize("suffix", ["png", "bmp", "tif"])
+def test_eight_bit_pictures_come_back_as_they_were(tmp_path, suffix):
+    cv2.imwrite(str(tmp_path / f"grey.{suffix}"), RAMP)
+    cv2.imwrite(str(tmp_path / f"color.{suffix}"), COLOR[..., ::-1])
+    assert np.array_equal(read_image(tmp_path / f"color.{suffix}"), COLOR)
+    grey = read_image(tmp_path / f"grey.{suffix}", grey=True)
+    assert np.array_equal(grey, RAMP)
+
+
+@pytest.mark.parametrize("suffix", ["png", "tif"])
+def test_sixteen_bit_pictures_keep_their_depth(tmp_path, suffix):
+    deep = RAMP.astype(np.uint16) * 257
+    cv2.imwrite(str(tmp_path / f"deep.{suffix}"), deep)
+    read = read_image(tmp_path / f"deep.{suffix}")
+    assert read.dtype == np.uint16
+    assert np.array_equal(read, deep)
+
+
+def test_jpeg_in_colour_is_red_green_blue(tmp_path):
+    cv2.imwrite(str(tmp_path / "a.jpg"), np.full((32, 32, 3), (20, 40, 200), np.uint8))
+    assert np.abs(read_image(tmp_path / "a.jpg").astype(int) - (200, 40, 20)).max() < 6
+
+
+@pytest.mark.parametrize(
+    "content",
+    [b"", b"hello", b"\x89PNG\r\n\x1a\n", b"\xff\xd8\xff\xe0\x00", b"BM", b"II*\0\xff\xff\xff\x7f", b"\xff\xd8" * 40],
+)
+def test_what_is_no_picture_is_refused(tmp_path, content):
+    (tmp_path / "a.png").write_bytes(content)
+    with pytest.raises(FileError, match=r"a\.png: not a picture"):
+        read_image(tmp_path / "a.png")
+
+
+def test_cut_short_is_refused(tmp_path):
+    noise = np.random.default_rng(0).integers(0, 256, (64, 64), dtype=np.uint8)
+    whole = cv2.imencode(".png", noise)[1].tobytes()
+    (tmp_path / "a.png").write_bytes(whole[: len(whole) // 20])
+    with pytest.raises(FileError, match="damaged or cut short"):
+        read_image(tmp_path / "a.png")
+
+
+def test_a_bomb_is_refused_by_its_header(tmp_path):
+    def chunk(name, data):
+        return struct.pack(">I", len(data)) + name + data + struct.pack(">I", zlib.crc32(name + data))
+
+    header = chunk(b"IHDR", struct.pack(">IIBBBBB", 100_000, 100_000, 8, 0, 0, 0, 0))
+    (tmp_path / "bomb.png").write_bytes(b"\x89PNG\r\n\x1a\n" + header)
+    with pytest.raises(FileError, match="found 100000 x 100000"):
+        read_image(tmp_path / "bomb.png")
+
+
+def test_missing_file(tmp_path):
+    with pytest.raises(FileError, match="No such file"):
+        read_image(tmp_path / "none.png")
+
+
+@pytest.mark.parametrize(
+    "names",
+    [
+        ["0.png", "1.png", "2.png", "10.png", "11.png"],
+        ["img1.png", "img2.png", "img9.png", "img10.png", "img100.png"],
+        ["graycode_00.png", "graycode_01.PNG", "graycode_02.png", "graycode_10.png", "graycode_11.png"],
+    ],
+)
+def test_folder_is_sorted_by_number_and_strays_are_ignored(tmp_path, names):
+    for value, name in enumerate(names):
+        (tmp_path / name).write_bytes(cv2.imencode(".png", np.full((8, 9), value, np.uint8))[1].tobytes())
+    for stray in ("Thumbs.db", "pattern.json", "notes.txt", "._0.png", ".DS_Store"):
+        (tmp_path / stray).write_bytes(b"stray")
+    images, paths = read_folder(tmp_path)
+    assert [path.name for path in paths] == names
+    assert [int(image[0, 0]) for image in images] == [0, 1, 2, 3, 4]
+
+
+def test_folder_is_grey_but_for_what_is_asked_in_colour(tmp_path):
+    for index in range(3):
+        cv2.imwrite(str(tmp_path / f"{index}.png"), COLOR)
+    images, _ = read_folder(tmp_path, color=(-1,))
+    assert [image.ndim for image in images] == [2, 2, 3]
+
+
+def test_mixed_sizes_are_named(tmp_path):
+    for index in range(4):
+        cv2.imwrite(str(tmp_path / f"{index}.png"), RAMP[: 20 - (index == 2)])
+    with pytest.raises(CaptureError, match=r"2\.png is 30 x 19 pixels, the others 30 x 20"):
+        read_folder(tmp_path)
+
+
+def test_no_folder_and_empty_folder(tmp_path):
+    with pytest.raises(CaptureError, match="no such folder"):
+        read_folder(tmp_path / "none")
+    with pytest.raises(CaptureError, match="no pictures in it"):
+        read_folder(tmp_path)
