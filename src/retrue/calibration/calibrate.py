@@ -1,0 +1,289 @@
+"""Static calibration: both intrinsics and the pose between the devices, from captures of a printed board.
+
+see the board -> closed form -> one bundle adjustment -> leave out what does not fit -> judge.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from typing import Any, cast
+
+import numpy as np
+
+from retrue.calibration.board import Board
+from retrue.calibration.bundle import Adjusted, adjust
+from retrue.calibration.closed_form import first_camera, with_second
+from retrue.calibration.evidence import gather_evidence, rms_px
+from retrue.calibration.jacobians import Setup
+from retrue.calibration.lens_terms import LensChoice, choose_lens, fit_with_lens
+from retrue.calibration.observations import CornerObservations, View, corner_group, observation_groups
+from retrue.calibration.result import Calibrated, RefusedCalibration
+from retrue.calibration.uncertainty import normal_spread_deg, predicted_error
+from retrue.calibration.views import Capture, LeftOut, Progress, StereoCapture, picture_size, see_views
+from retrue.errors import DegenerateError, InputError
+from retrue.geometry.arrays import FloatArray
+from retrue.geometry.camera import Camera
+from retrue.rig import Rig
+
+Sizes = tuple[tuple[int, int], tuple[int, int]]
+Known = tuple[Camera | None, Camera | None]
+
+
+@dataclass(frozen=True, slots=True)
+class CalibrationOptions:
+    """How to calibrate.
+
+    Attributes
+    ----------
+    dense : use the decoded points on the board and around it, not only its corners.
+    corner_limit : leave a corner out that misses by more than this many sigmas.
+    view_limit : leave a view out if the others fit better without it by more than this factor.
+    largest_error : refuse when the predicted error exceeds this share of the working distance.
+    largest_rms_px : refuse when the corners miss by more.
+    """
+
+    dense: bool = True
+    corner_limit: float = 4.0
+    view_limit: float = 3.0
+    largest_error: float = 0.01
+    largest_rms_px: float = 3.0
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Solution:
+    fit: Adjusted
+    lenses: tuple[LensChoice, ...]
+    views: list[View]
+    dropped: list[int]
+
+
+def calibrate(
+    captures: Sequence[Capture],
+    board: Board,
+    projector_size: tuple[int, int] | None = None,
+    options: CalibrationOptions | None = None,
+    *,
+    camera: Camera | None = None,
+    projector: Camera | None = None,
+    progress: Progress = lambda message: None,
+) -> Calibrated | RefusedCalibration:
+    """Calibrate camera and projector, or two cameras.
+
+    Minimises the reprojection error of the board's corners in the camera, and of the decoded points on the board's
+    plane in the projector (of its corners in the second camera), over both intrinsics, the relative pose and every
+    pose of the board. Start: Zhang 2000; projector corners: Moreno and Taubin 2012.
+
+    Parameters
+    ----------
+    captures : one a pose of the board, all `BoardCapture` or all `StereoCapture`.
+    board : its unit becomes the rig's.
+    projector_size : (width, height); of a second camera, its pictures tell.
+    camera, projector : intrinsics that are known already and stay as they are.
+    progress : told what is being done, from any thread.
+
+    Raises
+    ------
+    InputError
+        captures of mixed picture sizes, no capture at all, known intrinsics of another picture size.
+    """
+    sizes = _sizes(captures, projector_size, (camera, projector))
+    views, left_out = see_views(captures, board, progress)
+    progress(f"fitting {len(views)} views")
+    return calibrate_views(views, board, sizes, options, known=(camera, projector), left_out=left_out)
+
+
+def calibrate_views(
+    views: list[View],
+    board: Board,
+    sizes: Sizes,
+    options: CalibrationOptions | None = None,
+    *,
+    known: Known = (None, None),
+    left_out: Sequence[LeftOut] = (),
+) -> Calibrated | RefusedCalibration:
+    """`calibrate`, from views in which the board has been found; `left_out` had none."""
+    options, left_out = options or CalibrationOptions(), list(left_out)
+    if reason := _too_little(views, left_out, board, known):
+        return RefusedCalibration(reason, {"left_out": _named(left_out)})
+    try:
+        solution = _solve(views, left_out, sizes, known, options)
+    except DegenerateError as error:
+        reason = f"{error}; capture the board tilted by 30 to 60 degrees, each time another way"
+        return RefusedCalibration(reason, {"left_out": _named(left_out)})
+    return _judge(solution, left_out, board, (known[0] is not None, known[1] is not None), options)
+
+
+def _solve(
+    views: list[View],
+    left_out: list[LeftOut],
+    sizes: Sizes,
+    known: Known,
+    options: CalibrationOptions,
+) -> _Solution:
+    """The fit, without the views and corners that contradict the rest; those views are added to `left_out`."""
+    fixed = (known[0] is not None, known[1] is not None)
+
+    def fitted(views: list[View]) -> Adjusted:
+        setup = start(views, sizes, known)
+        return fit_with_lens(setup, observation_groups(views, dense=False), fixed, ("k1", "k2"))
+
+    fit = fitted(views)
+    while (better := _without_a_bad_view(fit, views, fitted, options)) is not None:
+        fit, views, bad = better
+        left_out.append(bad)
+    dropped = [0] * len(views)
+    for dense in (False, options.dense):  # the corners alone are quick, and show the worst
+        scales = None if dense else fit.scales
+        for _ in range(2):
+            fit = adjust(fit.setup, observation_groups(views, dense), fit.active, scales=scales)
+            scales = fit.scales
+            views, counts = _without_outliers(fit, views, options, dense)
+            dropped = [a + b for a, b in zip(dropped, counts, strict=True)]
+    groups = observation_groups(views, options.dense)
+    fit, lenses = choose_lens(adjust(fit.setup, groups, fit.active, scales=fit.scales), groups, fixed)
+    return _Solution(fit, lenses, views, dropped)
+
+
+def start(views: list[View], sizes: Sizes, known: Known) -> Setup:
+    """Closed form for the camera, refined by itself, then closed form for the second device."""
+    setup = first_camera(views, sizes[0], known[0])
+    pinhole = np.zeros(9, dtype=bool)
+    pinhole[:5] = known[0] is None
+    return with_second(adjust(setup, (corner_group(views, 0),), pinhole).setup, views, sizes[1], known[1])
+
+
+def _without_a_bad_view(
+    fit: Adjusted, views: list[View], fitted: Callable[[list[View]], Adjusted], options: CalibrationOptions
+) -> tuple[Adjusted, list[View], LeftOut] | None:
+    """The fit without the view that contradicts the others; None where none does.
+
+    A bad view pulls the fit towards itself, so its own error does not tell: that the others fit far better without
+    it does. Of three views, it cannot be said which is wrong.
+    """
+    if len(views) < 4:
+        return None
+    for index in map(int, np.argsort(-_suspicion(fit, views))[:2]):
+        rest = views[:index] + views[index + 1 :]
+        try:
+            without = fitted(rest)
+        except DegenerateError:
+            continue
+        pairs = zip(fit.scales, without.scales, strict=True)
+        gain = max(float(np.max(before / after)) for before, after in pairs)
+        if gain > options.view_limit:
+            reason = f"the other views fit {gain:.0f} times better without it; did the board move during the capture?"
+            return without, rest, LeftOut(views[index].name, reason)
+    return None
+
+
+def _suspicion(fit: Adjusted, views: list[View]) -> FloatArray:
+    """How much each view misses, over what is usual, in the group where that is most."""
+    suspicion = np.ones(len(views))
+    for group, error, scale in zip(observation_groups(views, dense=False), fit.errors, fit.scales, strict=True):
+        size = np.linalg.norm(error / scale, axis=1) / group.sigma
+        own = [size[group.view == index] for index in range(len(views))]
+        typical = np.array([np.median(sizes) if len(sizes) else np.nan for sizes in own])
+        suspicion = np.fmax(suspicion, typical / np.nanmedian(typical))
+    return suspicion
+
+
+def _without_outliers(
+    fit: Adjusted, views: list[View], options: CalibrationOptions, dense: bool
+) -> tuple[list[View], list[int]]:
+    """The views without the corners that miss by too many sigmas, and how many those were."""
+    bad = [np.zeros(len(view.board_xy), dtype=bool) for view in views]
+    for error, scale, group in zip(fit.errors, fit.scales, observation_groups(views, dense), strict=True):
+        if isinstance(group, CornerObservations):
+            misses = np.linalg.norm(error / scale, axis=1) / group.sigma > options.corner_limit
+            for index, view in enumerate(views):
+                seen = view.seen(group.device)
+                own = seen[misses[group.view == index]]
+                if len(own) <= len(seen) - 8:
+                    bad[index][own] = True
+    trimmed = [
+        replace(view, pixels=tuple(np.where(own[:, None], np.nan, pixels) for pixels in view.pixels))
+        for view, own in zip(views, bad, strict=True)
+    ]
+    return trimmed, [int(own.sum()) for own in bad]
+
+
+def _judge(
+    solution: _Solution, left_out: list[LeftOut], board: Board, fixed: tuple[bool, bool], options: CalibrationOptions
+) -> Calibrated | RefusedCalibration:
+    fit, views = solution.fit, solution.views
+    error = predicted_error(fit)
+    evidence = gather_evidence(fit, views, left_out, solution.dropped, solution.lenses, fixed, error, board.unit)
+    evidence = _finite(evidence)
+    angle = normal_spread_deg(fit)
+    what_next = "; ".join(evidence["advice"]) or "capture more poses"
+    if not all(fixed) and not angle > 5:
+        return RefusedCalibration(f"all boards are parallel within {angle:.1f} degrees; {what_next}", evidence)
+    if not rms_px(fit, views)["all"] <= options.largest_rms_px:
+        reason = f"the corners miss by {evidence['rms_px']:.2g} px: is the board as --board says, and flat?"
+        return RefusedCalibration(reason, evidence)
+    if not error.relative <= options.largest_error:
+        reason = (
+            f"these poses leave points uncertain by {error.length:.3g} {board.unit} at {error.distance:.4g} "
+            f"{board.unit}; {what_next}"
+        )
+        return RefusedCalibration(reason, evidence)
+    camera, projector = fit.setup.devices
+    rig = Rig(camera, projector, fit.setup.second_from_first, board.unit, evidence)
+    reason = (
+        f"{len(views)} poses, corners within {evidence['rms_px']:.2f} px RMS, points within {error.length:.2g} "
+        f"{board.unit} at {error.distance:.4g} {board.unit}"
+    )
+    return Calibrated(rig, reason, evidence)
+
+
+def _too_little(views: list[View], left_out: list[LeftOut], board: Board, known: Known) -> str | None:
+    """Why these views cannot do, before any fit."""
+    if not views:
+        return "no capture shows the board: " + "; ".join(f"{view.name}: {view.reason}" for view in left_out)
+    spans = [np.ptp(view.board_xy, axis=0) / board.spacing for view in views]
+    grids = {(round(float(span[0])) + 1, round(float(span[1])) + 1) for span in spans}
+    if board.kind == "chessboard" and len(views) > 1 and len(grids) == 1 and not any(v.complete for v in views):
+        columns, rows = next(iter(grids))
+        return (
+            f"the board is said to have {board.columns}x{board.rows} inner corners, "
+            f"but every picture shows {columns}x{rows}: check --board"
+        )
+    if len(views) < 2 and not all(known):
+        others = "; ".join(f"{view.name}: {view.reason}" for view in left_out)
+        return "one pose of the board does not determine the intrinsics: capture at least five" + (
+            f" ({others})" if others else ""
+        )
+    return None
+
+
+def _sizes(captures: Sequence[Capture], projector_size: tuple[int, int] | None, known: Known) -> Sizes:
+    if not captures:
+        raise InputError("calibration: expected captures of the board, found none")
+    first = captures[0]
+    if isinstance(first, StereoCapture):
+        sizes = picture_size(first.left), picture_size(first.right)
+    elif projector_size is not None:
+        sizes = picture_size(first.white), projector_size
+    else:
+        raise InputError("calibration: expected the size of the projector's picture, found none")
+    for name, size, camera in zip(("camera", "projector"), sizes, known, strict=True):
+        if camera is not None and camera.size != size:
+            raise InputError(
+                f"{name}: expected known intrinsics of {size[0]} x {size[1]} pixels, "
+                f"found {camera.size[0]} x {camera.size[1]}"
+            )
+    return sizes
+
+
+def _named(left_out: list[LeftOut]) -> list[dict[str, str]]:
+    return [{"name": view.name, "reason": view.reason} for view in left_out]
+
+
+def _finite(value: Any) -> Any:
+    """The same, with null for what is not finite: JSON has no NaN."""
+    if isinstance(value, dict):
+        return {key: _finite(item) for key, item in cast(dict[str, Any], value).items()}
+    if isinstance(value, list):
+        return [_finite(item) for item in cast(list[Any], value)]
+    return None if isinstance(value, float) and not np.isfinite(value) else value

@@ -1,0 +1,154 @@
+"""Find the board in a picture, to a fraction of a pixel."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any, cast
+
+import cv2 as opencv
+import numpy as np
+
+from retrue.calibration.board import Board
+from retrue.errors import InputError
+from retrue.geometry.arrays import FloatArray, Image
+
+cv2 = cast(Any, opencv)  # its stubs leave out half of what is used here
+
+SMALLEST_PART = 12  # corners of a chessboard that is only partly seen: fewer are as likely clutter
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class BoardCorners:
+    """Corners of one picture.
+
+    Attributes
+    ----------
+    board_xy : (N, 2) where they lie on the board, in its unit. Of a chessboard in part, up to a whole number of
+        squares: the pose of the board takes that up.
+    pixels : (N, 2) where they lie in the picture.
+    complete : whether the whole board was found.
+    """
+
+    board_xy: FloatArray
+    pixels: FloatArray
+    complete: bool
+
+
+class BoardNotFound(InputError):
+    """A picture without the board; says why where that can be told."""
+
+
+def find_board(image: Image, board: Board) -> BoardCorners:
+    """The board's corners in `image` (grey or RGB, 8 or 16 bit). Raises `BoardNotFound`."""
+    grey = _grey(image)
+    found = _FINDERS[board.kind](grey, board)
+    if found is None:
+        raise BoardNotFound(_why_not(grey, board))
+    return found
+
+
+def _find_chessboard(grey: Image, board: Board) -> BoardCorners | None:
+    size = (board.columns, board.rows)
+    flags = cv2.CALIB_CB_ADAPTIVE_THRESH | cv2.CALIB_CB_NORMALIZE_IMAGE | cv2.CALIB_CB_FAST_CHECK
+    found, corners = cv2.findChessboardCorners(grey, size, flags=flags)
+    if not found:
+        found, corners = cv2.findChessboardCornersSB(grey, size, flags=cv2.CALIB_CB_NORMALIZE_IMAGE)
+    if found:
+        return BoardCorners(board.points, _refined(grey, _pixels(corners)), True)
+    seen = _visible_grid(grey)
+    if seen is None or len(seen[0]) < SMALLEST_PART or not _fits(seen[1], size):
+        return None
+    pixels, (columns, rows) = seen
+    part = Board(board.kind, columns, rows, board.spacing, board.unit)
+    pixels = _refined(grey, pixels)
+    return BoardCorners(part.points, pixels, False) if _is_flat(part.points, pixels) else None
+
+
+def _find_charuco(grey: Image, board: Board) -> BoardCorners | None:
+    identifier = getattr(cv2.aruco, board.dictionary, None)
+    if not isinstance(identifier, int):
+        raise InputError(f"board: expected a dictionary of OpenCV such as DICT_4X4_50, found {board.dictionary!r}")
+    dictionary = cv2.aruco.getPredefinedDictionary(identifier)
+    charuco = cv2.aruco.CharucoBoard((board.columns, board.rows), board.spacing, board.marker, dictionary)
+    corners, identifiers, _, _ = cv2.aruco.CharucoDetector(charuco).detectBoard(grey)
+    if corners is None or len(corners) < 6:
+        return None
+    rows = np.asarray(identifiers).ravel()
+    pixels = _refined(grey, _pixels(corners))  # OpenCV 4 and 5 differ by half a pixel before this
+    return BoardCorners(board.points[rows], pixels, len(rows) == len(board.points))
+
+
+def _find_circles(grey: Image, board: Board) -> BoardCorners | None:
+    symmetric = board.kind == "circles"
+    grid = cv2.CALIB_CB_SYMMETRIC_GRID if symmetric else cv2.CALIB_CB_ASYMMETRIC_GRID
+    for flags in (grid, grid | cv2.CALIB_CB_CLUSTERING):
+        found, centres = cv2.findCirclesGrid(grey, (board.columns, board.rows), flags=flags)
+        if found:
+            return BoardCorners(board.points, _pixels(centres), True)
+    return None
+
+
+_FINDERS: dict[str, Callable[[Image, Board], BoardCorners | None]] = {
+    "chessboard": _find_chessboard,
+    "charuco": _find_charuco,
+    "circles": _find_circles,
+    "asymmetric-circles": _find_circles,
+}
+
+
+def _refined(grey: Image, pixels: FloatArray) -> FloatArray:
+    """Saddle points to sub-pixel, in a window that stays within the squares around each corner."""
+    apart = np.linalg.norm(pixels[:, None] - pixels[None], axis=2)
+    np.fill_diagonal(apart, np.inf)
+    half = int(np.clip(0.35 * apart.min(), 2, 11))
+    corners = pixels.astype(np.float32).reshape(-1, 1, 2)
+    criteria = (cv2.TERM_CRITERIA_EPS + cv2.TERM_CRITERIA_MAX_ITER, 40, 1e-3)
+    return _pixels(cv2.cornerSubPix(grey, corners, (half, half), (-1, -1), criteria))
+
+
+def _visible_grid(grey: Image) -> tuple[FloatArray, tuple[int, int]] | None:
+    """Whatever chessboard grid is visible: its corners, columns and rows."""
+    flags = cv2.CALIB_CB_LARGER | cv2.CALIB_CB_EXHAUSTIVE | cv2.CALIB_CB_NORMALIZE_IMAGE
+    found, corners, kinds = cv2.findChessboardCornersSBWithMeta(grey, (3, 3), flags)
+    if not found:
+        return None
+    rows, columns = np.asarray(kinds).shape[:2]
+    return _pixels(corners), (columns, rows)
+
+
+def _fits(grid: tuple[int, int], size: tuple[int, int]) -> bool:
+    """Whether the grid, as it lies or turned by a quarter, is no larger than that."""
+    return min(grid) <= min(size) and max(grid) <= max(size)
+
+
+def _is_flat(board_xy: FloatArray, pixels: FloatArray) -> bool:
+    """Whether a homography explains the corners: clutter that looks like a chessboard does not."""
+    homography, _ = cv2.findHomography(board_xy, pixels)
+    if homography is None:
+        return False
+    mapped = cv2.perspectiveTransform(board_xy.reshape(-1, 1, 2), homography).reshape(-1, 2)
+    step = np.linalg.norm(np.diff(pixels, axis=0), axis=1).min()
+    return bool(np.abs(mapped - pixels).max() < 0.1 * step)
+
+
+def _why_not(grey: Image, board: Board) -> str:
+    size = f"{board.columns}x{board.rows}"
+    low, high = np.percentile(grey, [2, 99])
+    if high < 40:
+        return f"board not found: the picture is too dark (brightest {high:.0f} of 255); expose longer"
+    if low > 230:
+        return "board not found: the picture is overexposed; expose shorter"
+    if board.kind == "chessboard" and (seen := _visible_grid(grey)) and len(seen[0]) >= SMALLEST_PART:
+        columns, rows = seen[1]
+        return f"board not found: expected {size} inner corners, a grid of {columns}x{rows} is visible; check --board"
+    return f"board not found: expected a {board.kind} of {size}; is it whole, sharp, evenly lit, with a white margin?"
+
+
+def _grey(image: Image) -> Image:
+    grey = image if image.ndim == 2 else cv2.cvtColor(image, cv2.COLOR_RGB2GRAY)
+    return grey if grey.dtype == np.uint8 else (grey // 257).astype(np.uint8)
+
+
+def _pixels(corners: Any) -> FloatArray:
+    return np.asarray(corners, dtype=np.float64).reshape(-1, 2)

@@ -1,0 +1,136 @@
+"""What a calibration rests on, as plain JSON values, and what to capture next."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+
+from retrue.calibration.bundle import Adjusted
+from retrue.calibration.jacobians import residuals
+from retrue.calibration.lens_terms import LensChoice
+from retrue.calibration.observations import View, corner_group
+from retrue.calibration.uncertainty import PredictedError, depth_spread, normal_spread_deg, parameter_sigmas
+from retrue.calibration.views import LeftOut
+from retrue.geometry.arrays import FloatArray
+
+DEVICES = ("camera", "projector")
+ROWS, COLUMNS = ("top", "middle", "bottom"), ("left", "centre", "right")
+
+
+def rms_px(fit: Adjusted, views: list[View]) -> dict[str, float]:
+    """RMS length of corner residuals: of all corners, as OpenCV's stereoCalibrate counts it, and of each device."""
+    errors = [residuals(fit.setup, corner_group(views, device)) for device in range(len(fit.setup.devices))]
+    each = {name: _rms(error) for name, error in zip(DEVICES, errors, strict=False)}
+    return {"all": _rms(np.concatenate(errors)), **each}
+
+
+def gather_evidence(
+    fit: Adjusted,
+    views: list[View],
+    left_out: Sequence[LeftOut],
+    dropped: Sequence[int],
+    lenses: Sequence[LensChoice],
+    fixed: Sequence[bool],
+    error: PredictedError,
+    unit: str,
+) -> dict[str, Any]:
+    """Everything that a reader needs to trust the rig, or not."""
+    errors = rms_px(fit, views)
+    coverage = {name: _coverage(fit, views, device) for device, name in enumerate(DEVICES)}
+    return {
+        "method": "bundle adjustment over intrinsics, board poses and relative pose; dense points on the board's plane",
+        "rms_px": errors["all"],
+        "camera_rms_px": errors["camera"],
+        "projector_rms_px": errors["projector"],
+        "views": _views(fit, views, dropped),
+        "left_out": [{"name": view.name, "reason": view.reason} for view in left_out],
+        "distortion": {name: _lens(*pair) for name, pair in zip(DEVICES, zip(lenses, fixed, strict=True), strict=True)},
+        "sigma": parameter_sigmas(fit),
+        "predicted_error": {"rms": error.length, "at_distance": error.distance, "unit": unit},
+        "regions_rms_px": {name: _regions(fit, views, device) for device, name in enumerate(DEVICES)},
+        "coverage": coverage,
+        "board_angles_deg": normal_spread_deg(fit),
+        "advice": advise(fit, views, dropped, coverage),
+    }
+
+
+def advise(fit: Adjusted, views: list[View], dropped: Sequence[int], coverage: dict[str, dict[str, Any]]) -> list[str]:
+    """What to capture next, most useful first; empty where nothing is missing."""
+    advice: list[str] = []
+    angle = normal_spread_deg(fit)
+    if not angle > 25:
+        advice.append(f"tilt the board more: its poses differ by {angle:.0f} degrees at most, aim for 30 to 60")
+    if len(views) < 5:
+        advice.append(f"capture more poses: {len(views)} were used, aim for eight")
+    for name in DEVICES[: len(fit.setup.devices)]:
+        if coverage[name]["empty"] and coverage[name]["share"] < 0.6:
+            where = ", ".join(coverage[name]["empty"])
+            advice.append(f"hold the board where the {name}'s picture has had none yet: {where}")
+    if not depth_spread(fit) > 0.1:
+        advice.append("hold the board nearer and farther too: all poses are at nearly one distance")
+    corners = sum(len(view.board_xy) for view in views)
+    if sum(dropped) > 0.02 * corners:
+        advice.append(
+            f"use a flatter board: {sum(dropped)} of {corners} corners lie where no flat board of this size has them"
+        )
+    return advice
+
+
+def _views(fit: Adjusted, views: list[View], dropped: Sequence[int]) -> list[dict[str, Any]]:
+    reports: list[dict[str, Any]] = [
+        {
+            "name": view.name,
+            "complete": view.complete,
+            "corners": len(view.seen(0)),
+            "corners_left_out": dropped[index],
+            "distance": float(fit.setup.first_from_board[index].t[2]),
+        }
+        for index, view in enumerate(views)
+    ]
+    for device in range(len(fit.setup.devices)):
+        group = corner_group(views, device)
+        error = residuals(fit.setup, group)
+        for index, report in enumerate(reports):
+            report[f"{DEVICES[device]}_rms_px"] = _rms(error[group.view == index])
+    return reports
+
+
+def _lens(choice: LensChoice, fixed: bool) -> dict[str, Any]:
+    if fixed:
+        return {"kept": [], "why": "known beforehand, held fixed"}
+    gain = {name: round(value, 1) for name, value in choice.gain.items()}
+    why = f"a term is kept where chi-square falls by more than {choice.needed:.1f} a coefficient"
+    return {"kept": list(choice.kept), "chi_square_gain": gain, "why": why}
+
+
+def _pixels(views: list[View], device: int) -> FloatArray:
+    patches = [view.patch_camera_px if device == 0 else view.patch_projector_px for view in views]
+    corners = [view.pixels[device][view.seen(device)] for view in views]
+    return np.concatenate([*patches, *corners])
+
+
+def _coverage(fit: Adjusted, views: list[View], device: int) -> dict[str, Any]:
+    """The share of 8 x 6 cells that the board was seen in, and the ninths of the picture that have none."""
+    size = np.array(fit.setup.devices[device].size)
+    place = np.clip((_pixels(views, device) + 0.5) / size, 0, 1 - 1e-9)
+    fine = len(np.unique((place * [8, 6]).astype(int) @ [1, 8]))
+    seen = set(((place * 3).astype(int) @ [1, 3]).tolist())
+    empty = [f"{ROWS[cell // 3]} {COLUMNS[cell % 3]}" for cell in range(9) if cell not in seen]
+    return {"share": fine / 48, "empty": empty}
+
+
+def _regions(fit: Adjusted, views: list[View], device: int) -> list[list[float | None]]:
+    """RMS of the corners in each ninth of the picture, row by row; null where there are none."""
+    group = corner_group(views, device)
+    error = residuals(fit.setup, group)
+    size = np.array(fit.setup.devices[device].size)
+    column, row = (np.clip((group.pixels + 0.5) / size, 0, 1 - 1e-9) * 3).astype(int).T
+    cell = 3 * row + column
+    ninths = [_rms(error[cell == index]) if (cell == index).any() else None for index in range(9)]
+    return [ninths[row : row + 3] for row in (0, 3, 6)]
+
+
+def _rms(error: FloatArray) -> float:
+    return float(np.sqrt(2 * np.mean(error**2))) if len(error) else 0.0

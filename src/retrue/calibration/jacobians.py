@@ -1,0 +1,201 @@
+"""Residuals of a calibration and their derivatives, in closed form.
+
+Columns: nine intrinsics a device (`INTRINSICS`), then six of the pose of the second device, then six of the
+board's pose in the view. A pose changes by R <- exp([w]x) R, t <- t + v; its six are (w, v).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from retrue.calibration.observations import CornerObservations, Group, PlaneObservations, SceneObservations
+from retrue.geometry.arrays import FloatArray, IntArray
+from retrue.geometry.camera import Camera
+from retrue.geometry.transform import RigidTransform
+
+INTRINSICS = ("fx", "fy", "cx", "cy", "k1", "k2", "p1", "p2", "k3")
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Setup:
+    """Everything that calibration estimates.
+
+    Attributes
+    ----------
+    devices : the camera, and the projector or second camera if there is one.
+    second_from_first : pose of the second device.
+    first_from_board : of each view.
+    """
+
+    devices: tuple[Camera, ...]
+    second_from_first: RigidTransform
+    first_from_board: tuple[RigidTransform, ...]
+
+    @property
+    def globals(self) -> int:
+        """Number of columns before the board's six."""
+        return 9 if len(self.devices) == 1 else 24
+
+
+def linearise(setup: Setup, group: Group) -> tuple[FloatArray, FloatArray]:
+    """Predicted minus measured pixels (N, 2), and their derivatives (N, 2, globals + 6).
+
+    Of dense points, the two numbers are along and across the epipolar line: a board that is not quite flat shows
+    along it only; and a scene of unknown shape tells nothing along it, there they are zero.
+    """
+    if isinstance(group, CornerObservations):
+        return _linearise_corners(setup, group)
+    return _linearise_plane(setup, group) if isinstance(group, PlaneObservations) else _linearise_scene(setup, group)
+
+
+def residuals(setup: Setup, group: Group) -> FloatArray:
+    """The first part of `linearise`."""
+    R, t = _board_poses(setup, group.view)
+    if isinstance(group, CornerObservations):
+        points = np.einsum("nij,nj->ni", R, group.board_points) + t
+        if group.device == 1:
+            points = setup.second_from_first.apply(points)
+        return setup.devices[group.device].project(points) - group.pixels
+    camera, projector = setup.devices
+    rays = camera.unproject(group.camera_px)
+    known = isinstance(group, PlaneObservations)
+    points = _on_plane(rays, R[:, :, 2], t)[0] if known else triangulated(setup, rays, group.projector_px)
+    points = setup.second_from_first.apply(points)
+    along = _pixel_by_point(projector, points) @ _by_depth(setup, rays)
+    error = _turned_to_epipolar(along, (projector.project(points) - group.projector_px)[:, :, None])[:, :, 0]
+    return error if known else error * [0, 1]
+
+
+def _linearise_corners(setup: Setup, group: CornerObservations) -> tuple[FloatArray, FloatArray]:
+    R, t = _board_poses(setup, group.view)
+    turned = np.einsum("nij,nj->ni", R, group.board_points)
+    by_board = np.concatenate([-_skew(turned), np.broadcast_to(np.eye(3), R.shape)], axis=2)
+    return _through_device(setup, group.device, turned + t, by_board, group.pixels)
+
+
+def _linearise_plane(setup: Setup, group: PlaneObservations) -> tuple[FloatArray, FloatArray]:
+    camera = setup.devices[0]
+    R, t = _board_poses(setup, group.view)
+    normal = R[:, :, 2]
+    rays = camera.unproject(group.camera_px)
+    points, depth, slope = _on_plane(rays, normal, t)
+    ray = np.concatenate([rays, np.ones((len(rays), 1))], axis=1)
+    by_turn, by_shift = np.cross(normal, t - points) / slope, normal / slope  # of the depth
+    by_board = ray[:, :, None] * np.concatenate([by_turn, by_shift], axis=1)[:, None, :]
+    residual, jacobian = _through_device(setup, 1, points, by_board, group.projector_px)
+    # The camera's intrinsics move the ray that passes through the pixel, and so the point on the plane.
+    by_ray = depth[:, :, None] * (np.eye(3) - ray[:, :, None] * (normal / slope)[:, None, :])[:, :, :2]
+    ray_by_intrinsics = -np.linalg.solve(camera.ray_jacobian(rays), _by_intrinsics(camera, rays))
+    by_point = _pixel_by_point(setup.devices[1], setup.second_from_first.apply(points))
+    jacobian[:, :, :9] = by_point @ setup.second_from_first.R @ by_ray @ ray_by_intrinsics
+    along = by_point @ _by_depth(setup, rays)
+    turned = _turned_to_epipolar(along, np.concatenate([residual[:, :, None], jacobian], axis=2))
+    return turned[:, :, 0], turned[:, :, 1:]
+
+
+def _linearise_scene(setup: Setup, group: SceneObservations) -> tuple[FloatArray, FloatArray]:
+    camera = setup.devices[0]
+    rays = camera.unproject(group.camera_px)
+    points = triangulated(setup, rays, group.projector_px)
+    still = np.zeros((len(points), 3, 6))
+    residual, jacobian = _through_device(setup, 1, points, still, group.projector_px)
+    by_ray = points[:, 2, None, None] * np.eye(3)[:, :2]
+    ray_by_intrinsics = -np.linalg.solve(camera.ray_jacobian(rays), _by_intrinsics(camera, rays))
+    by_point = _pixel_by_point(setup.devices[1], setup.second_from_first.apply(points))
+    jacobian[:, :, :9] = by_point @ setup.second_from_first.R @ by_ray @ ray_by_intrinsics
+    along = by_point @ _by_depth(setup, rays)
+    turned = _turned_to_epipolar(along, np.concatenate([residual[:, :, None], jacobian], axis=2))
+    turned[:, 0] = 0
+    return turned[:, :, 0], turned[:, :, 1:]
+
+
+def triangulated(setup: Setup, rays: FloatArray, projector_px: FloatArray) -> FloatArray:
+    """Points (N, 3) on the first device's rays, nearest in angle to where the second sees them."""
+    ray = np.concatenate([rays, np.ones((len(rays), 1))], axis=1)
+    seen = setup.devices[1].unproject(projector_px)
+    turned, t = ray @ setup.second_from_first.R.T, setup.second_from_first.t
+    # (depth * turned + t) x seen = 0: two equations in the depth
+    a, b = turned[:, :2] - seen * turned[:, 2:], seen * t[2] - t[:2]
+    return ray * (np.sum(a * b, axis=1) / np.sum(a * a, axis=1))[:, None]
+
+
+def _through_device(
+    setup: Setup, device: int, points: FloatArray, by_board: FloatArray, measured: FloatArray
+) -> tuple[FloatArray, FloatArray]:
+    """Residuals and derivatives of `points` (N, 3) of the first frame, which move with the board by `by_board`."""
+    camera = setup.devices[device]
+    jacobian = np.zeros((len(points), 2, setup.globals + 6))
+    turned = points
+    if device == 1:
+        turned = points @ setup.second_from_first.R.T
+        points = turned + setup.second_from_first.t
+        by_board = setup.second_from_first.R @ by_board
+    by_point = _pixel_by_point(camera, points)
+    rays = points[:, :2] / points[:, 2:]
+    jacobian[:, :, 9 * device : 9 * device + 9] = _by_intrinsics(camera, rays)
+    if device == 1:
+        jacobian[:, :, 18:21] = -by_point @ _skew(turned)
+        jacobian[:, :, 21:24] = by_point
+    jacobian[:, :, -6:] = by_point @ by_board
+    return camera.project(points) - measured, jacobian
+
+
+def _by_depth(setup: Setup, rays: FloatArray) -> FloatArray:
+    """(N, 3, 1) where a point moves, in the second frame, as its depth along the first device's ray grows."""
+    ray = np.concatenate([rays, np.ones((len(rays), 1))], axis=1)
+    return (ray @ setup.second_from_first.R.T)[:, :, None]
+
+
+def _turned_to_epipolar(along: FloatArray, columns: FloatArray) -> FloatArray:
+    """`columns` (N, 2, C) of pixels, turned so that the first row lies along the epipolar line."""
+    along = along[:, :, 0] / np.linalg.norm(along[:, :, 0], axis=1, keepdims=True)
+    x, y = along.T[:, :, None]
+    return np.stack([x * columns[:, 0] + y * columns[:, 1], x * columns[:, 1] - y * columns[:, 0]], axis=1)
+
+
+def _pixel_by_point(camera: Camera, points: FloatArray) -> FloatArray:
+    """(N, 2, 3) d pixel / d point of the camera's frame."""
+    rays = points[:, :2] / points[:, 2:]
+    by_point = np.zeros((len(points), 2, 3))
+    by_point[:, 0, 0] = by_point[:, 1, 1] = 1
+    by_point[:, :, 2] = -rays
+    return camera.ray_jacobian(rays) @ by_point / points[:, 2, None, None]
+
+
+def _by_intrinsics(camera: Camera, rays: FloatArray) -> FloatArray:
+    """(N, 2, 9) d pixel / d `INTRINSICS`, at undistorted rays (N, 2); of a polynomial lens."""
+    x, y = rays.T
+    r2 = x * x + y * y
+    jacobian = np.zeros((len(rays), 2, 9))
+    distorted = camera.distort(rays)
+    jacobian[:, 0, 0], jacobian[:, 1, 1] = distorted.T
+    jacobian[:, 0, 2] = jacobian[:, 1, 3] = 1
+    lens = np.empty((len(rays), 2, 5))
+    for column, power in ((0, r2), (1, r2**2), (4, r2**3)):
+        lens[:, :, column] = rays * power[:, None]
+    lens[:, 0, 2] = lens[:, 1, 3] = 2 * x * y
+    lens[:, 1, 2], lens[:, 0, 3] = r2 + 2 * y * y, r2 + 2 * x * x
+    jacobian[:, :, 4:] = camera.K[:2, :2] @ lens
+    return jacobian
+
+
+def _board_poses(setup: Setup, view: IntArray) -> tuple[FloatArray, FloatArray]:
+    R = np.stack([pose.R for pose in setup.first_from_board])
+    t = np.stack([pose.t for pose in setup.first_from_board])
+    return R[view], t[view]
+
+
+def _on_plane(rays: FloatArray, normal: FloatArray, t: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Where rays (N, 2) meet the planes through t (N, 3): points (N, 3), depths (N, 1), normal . ray (N, 1)."""
+    ray = np.concatenate([rays, np.ones((len(rays), 1))], axis=1)
+    slope = np.sum(normal * ray, axis=1, keepdims=True)
+    depth = np.sum(normal * t, axis=1, keepdims=True) / slope
+    return ray * depth, depth, slope
+
+
+def _skew(v: FloatArray) -> FloatArray:
+    matrix = np.zeros((len(v), 3, 3))
+    matrix[:, 0, 1], matrix[:, 0, 2], matrix[:, 1, 2] = -v[:, 2], v[:, 1], -v[:, 0]
+    return matrix - matrix.transpose(0, 2, 1)

@@ -1,0 +1,87 @@
+"""How well the parameters are known, and what that means in the scene."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from retrue.calibration.bundle import Adjusted, moved
+from retrue.calibration.jacobians import INTRINSICS, triangulated
+from retrue.geometry.arrays import FloatArray
+
+
+@dataclass(frozen=True, slots=True)
+class PredictedError:
+    """How far triangulated points are off through the calibration's own uncertainty, one sigma.
+
+    Attributes
+    ----------
+    length : RMS over the picture, in the rig's unit; of the whole vector.
+    distance : for points at this depth, the middle of the captured boards.
+    """
+
+    length: float
+    distance: float
+
+    @property
+    def relative(self) -> float:
+        """Of the distance; NaN where nothing is seen by both devices."""
+        return self.length / self.distance
+
+
+def parameter_sigmas(fit: Adjusted) -> dict[str, dict[str, float]]:
+    """One sigma of every free parameter: of the camera, the projector, and the pose between them.
+
+    Pixels; distortion in its own units; rotation in degrees about the projector's axes, translation in the rig's unit.
+    """
+    sigma = np.zeros(len(fit.active))
+    sigma[fit.active] = np.sqrt(np.maximum(np.diag(fit.covariance), 0))
+    sigma[18:21] = np.degrees(sigma[18:21])
+    names = ("rx_deg", "ry_deg", "rz_deg", "tx", "ty", "tz")
+    blocks = (("camera", INTRINSICS, 0), ("projector", INTRINSICS, 9), ("projector_from_camera", names, 18))
+    return {
+        device: {name: float(sigma[first + i]) for i, name in enumerate(columns) if fit.active[first + i]}
+        for device, columns, first in blocks
+        if first < len(sigma)
+    }
+
+
+def predicted_error(fit: Adjusted) -> PredictedError:
+    """The error of triangulation, over the part of the picture that both devices see, from the full covariance."""
+    setup = fit.setup
+    camera, projector = setup.devices
+    distance = float(np.median([pose.t[2] for pose in setup.first_from_board]))
+    x, y = np.meshgrid(*(np.linspace(0.05, 0.95, 9) * (side - 1) for side in camera.size))
+    camera_px = np.stack([x.ravel(), y.ravel()], axis=-1)
+    rays = camera.unproject(camera_px)
+    points = np.concatenate([rays, np.ones((len(rays), 1))], axis=1) * distance
+    projector_px = projector.project(setup.second_from_first.apply(points))
+    both = projector.contains(projector_px) & np.isfinite(rays).all(axis=1)
+    if not both.any():
+        return PredictedError(float("nan"), distance)
+    camera_px, projector_px = camera_px[both], projector_px[both]
+    squares = np.zeros(len(camera_px))
+    still = np.zeros((len(setup.first_from_board), 6))
+    values, vectors = np.linalg.eigh(fit.covariance)
+    for value, vector in zip(values, vectors.T, strict=True):
+        change = np.zeros(len(fit.active))
+        change[fit.active] = 1e-3 * np.sqrt(max(value, 0.0)) * vector  # small, so that the step is linear
+        shifted = moved(setup, change, still)
+        if shifted is None:
+            return PredictedError(float("nan"), distance)
+        there = triangulated(shifted, shifted.devices[0].unproject(camera_px), projector_px)
+        squares += np.sum((there - points[both]) ** 2, axis=1) / 1e-6
+    return PredictedError(float(np.sqrt(np.mean(squares))), distance)
+
+
+def normal_spread_deg(fit: Adjusted) -> float:
+    """The largest angle between two boards, in degrees."""
+    normals = np.stack([pose.R[:, 2] for pose in fit.setup.first_from_board])
+    return float(np.degrees(np.arccos(np.clip(normals @ normals.T, -1, 1)).max()))
+
+
+def depth_spread(fit: Adjusted) -> float:
+    """The range of the boards' depths over their mean."""
+    depths: FloatArray = np.array([pose.t[2] for pose in fit.setup.first_from_board])
+    return float(np.ptp(depths) / depths.mean())

@@ -1,0 +1,140 @@
+"""From captures to views: the board found, and what of it is known in both devices."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
+
+import numpy as np
+
+from retrue.calibration.board import Board
+from retrue.calibration.detection import BoardCorners, find_board
+from retrue.calibration.observations import View
+from retrue.calibration.projector_corners import fit_projector_corners
+from retrue.correspondences import Correspondences
+from retrue.errors import InputError
+from retrue.geometry.arrays import FloatArray, Image, IntArray
+
+FEWEST_CORNERS = 8
+Progress = Callable[[str], None]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class BoardCapture:
+    """One pose of the board, lit white, and the dense code of the same moment."""
+
+    name: str
+    white: Image
+    points: Correspondences
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class StereoCapture:
+    """One pose of the board, seen by two cameras."""
+
+    name: str
+    left: Image
+    right: Image
+
+
+Capture = BoardCapture | StereoCapture
+
+
+@dataclass(frozen=True, slots=True)
+class LeftOut:
+    """A capture that was not used, and why."""
+
+    name: str
+    reason: str
+
+
+def picture_size(image: Image) -> tuple[int, int]:
+    """(width, height)."""
+    return image.shape[1], image.shape[0]
+
+
+def see_views(captures: Sequence[Capture], board: Board, progress: Progress) -> tuple[list[View], list[LeftOut]]:
+    """A view of every capture that shows the board, and the captures that do not. Raises `InputError`."""
+    _require_one_size(captures)
+
+    def see(capture: Capture) -> View | LeftOut:
+        progress(f"{capture.name}: looking for the board")
+        try:
+            if isinstance(capture, StereoCapture):
+                return _see_stereo(capture, board)
+            return projected_view(capture.name, find_board(capture.white, board), capture.points, board)
+        except InputError as error:
+            return LeftOut(capture.name, str(error))
+
+    with ThreadPoolExecutor(2) as threads:
+        seen = list(threads.map(see, captures))
+    return [view for view in seen if isinstance(view, View)], [view for view in seen if isinstance(view, LeftOut)]
+
+
+def projected_view(name: str, corners: BoardCorners, points: Correspondences, board: Board) -> View:
+    """The view of a board whose corners the camera sees, and which the projector lights. Raises `InputError`."""
+    fit = fit_projector_corners(corners, points, board)
+    known = int(np.isfinite(fit.corner_sigma).sum())
+    if known < FEWEST_CORNERS:
+        raise InputError(f"expected projector codes around {FEWEST_CORNERS} corners, found {known}; light the board")
+    return View(
+        name,
+        corners.board_xy,
+        (corners.pixels, fit.corner_px),
+        (np.ones(len(corners.pixels)), fit.corner_sigma),
+        fit.patch_camera_px,
+        fit.patch_projector_px,
+        fit.patch_sigma,
+        fit.scene_camera_px,
+        fit.scene_projector_px,
+        fit.dense_camera_px,
+        fit.dense_projector_px,
+        corners.complete,
+    )
+
+
+def _see_stereo(capture: StereoCapture, board: Board) -> View:
+    seen: list[BoardCorners] = []
+    for side, image in (("left", capture.left), ("right", capture.right)):
+        try:
+            seen.append(find_board(image, board))
+        except InputError as error:
+            raise InputError(f"{side}: {error}") from error
+    left, right = seen
+    if not (left.complete and right.complete) and board.kind != "charuco":
+        raise InputError("expected the whole board in both pictures: of a part, it is not known which")
+    right_px = np.full((len(board.points), 2), np.nan)
+    left_px = right_px.copy()
+    for corners, pixels in ((left, left_px), (right, right_px)):
+        pixels[_rows(board, corners)] = corners.pixels
+    if board.kind != "charuco" and _turned_round(left_px, right_px):
+        right_px = right_px[::-1]
+    ones = np.ones(len(board.points))
+    return View(capture.name, board.points, (left_px, right_px), (ones, ones))
+
+
+def _rows(board: Board, corners: BoardCorners) -> IntArray:
+    """Which of the board's points these corners are."""
+    distance = np.linalg.norm(board.points[None] - corners.board_xy[:, None], axis=2)
+    return np.argmin(distance, axis=1)
+
+
+def _turned_round(left_px: FloatArray, right_px: FloatArray) -> bool:
+    """Whether one finder started at the opposite corner: a chessboard looks the same upside down."""
+    return float((left_px[-1] - left_px[0]) @ (right_px[-1] - right_px[0])) < 0
+
+
+def _require_one_size(captures: Sequence[Capture]) -> None:
+    first: dict[str, tuple[str, tuple[int, int]]] = {}
+    for capture in captures:
+        stereo = isinstance(capture, StereoCapture)
+        pictures = {"left": capture.left, "right": capture.right} if stereo else {"white": capture.white}
+        for side, picture in pictures.items():
+            name, size = first.setdefault(side, (capture.name, picture_size(picture)))
+            if picture_size(picture) != size:
+                width, height = picture_size(picture)
+                raise InputError(
+                    f"{capture.name}: expected pictures of {size[0]} x {size[1]} as in {name}, "
+                    f"found {width} x {height}; one calibration, one picture size"
+                )
