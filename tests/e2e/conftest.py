@@ -78,9 +78,9 @@ PROJECTOR = Camera((1024, 768), [[1600, 0, 512], [0, 1600, 700], [0, 0, 1]])
 TRUE = RigidTransform.from_rotation_vector([0.1, 0.25, 0.02], [-400.0, 30.0, 60.0])
 
 
-def wall_and_box(noise_px: float = 0.05) -> Correspondences:
+def wall_and_box(noise_px: float = 0.05, seed: int = 0) -> Correspondences:
     """A wall with a box before it, 600 points."""
-    rng = np.random.default_rng(0)
+    rng = np.random.default_rng(seed)
     pixels = rng.uniform([140, 100], [1140, 860], (600, 2))
     rays = np.column_stack([CAMERA.unproject(pixels), np.ones(len(pixels))])
     depth = 2000 / (rays @ np.array([0.15, -0.1, 1.0]))

@@ -14,7 +14,7 @@ from retrue.geometry.transform import direction_angle, rotation_angle
 
 from .conftest import TRUE, names
 
-COMMANDS = ["demo", "pattern", "decode", "recalibrate", "verify", "reconstruct", "history", "rollback", "diff"]
+COMMANDS = ["demo", "pattern", "decode", "recalibrate", "verify", "reconstruct", "watch", "history", "rollback", "diff"]
 DEMO = Path(__file__).parents[2] / "src" / "retrue" / "demo_data"
 
 

@@ -28,7 +28,7 @@ class Decode(Command):
     out: Path
 
     def run(self) -> Outcome:
-        from retrue.cli.json_output import plain
+        from retrue.files.plain_json import plain
         from retrue.files.points import write_points
 
         require_writable(self.out)

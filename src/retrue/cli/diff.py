@@ -30,8 +30,8 @@ class Diff(Command):
     working_distance: float | None = None
 
     def run(self) -> Outcome:
-        from retrue.cli.json_output import plain
         from retrue.files.history import known_working_distance
+        from retrue.files.plain_json import plain
         from retrue.files.rigs import read_rig
         from retrue.rig_difference import rig_difference
 

@@ -62,7 +62,8 @@ class History(Command):
 
 
 def _entry_report(entry: HistoryEntry, step: RigDifference | None) -> dict[str, Any]:
-    from retrue.cli.json_output import plain, pose_report
+    from retrue.cli.json_output import pose_report
+    from retrue.files.plain_json import plain
 
     return {
         "id": entry.id,

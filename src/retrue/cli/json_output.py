@@ -1,38 +1,13 @@
-"""Answers as plain JSON values, under the keys of the contract; NaN and infinity become null."""
+"""Answers as plain JSON values, under the keys of the contract."""
 
 from __future__ import annotations
 
-import math
-from collections.abc import Mapping, Sequence
 from dataclasses import asdict
-from pathlib import PurePath
-from typing import Any, cast
+from typing import Any
 
-import numpy as np
-
+from retrue.files.plain_json import plain
 from retrue.geometry.transform import RigidTransform
 from retrue.recalibration.result import Accepted, PoseCandidate, Refused, Verification
-
-
-def plain(value: Any) -> Any:
-    """`value` with nothing in it that JSON does not have.
-
-    >>> plain({"rms": float("nan"), "t": np.array([1.5, 2.0]), "planes": (np.int64(3),)})
-    {'rms': None, 't': [1.5, 2.0], 'planes': [3]}
-    """
-    if isinstance(value, np.ndarray | np.generic):
-        return plain(cast("Any", value).tolist())
-    if isinstance(value, Mapping):
-        return {str(key): plain(item) for key, item in cast("Mapping[Any, Any]", value).items()}
-    if isinstance(value, Sequence) and not isinstance(value, str | bytes):
-        return [plain(item) for item in cast("Sequence[Any]", value)]
-    if isinstance(value, float) and not math.isfinite(value):
-        return None
-    if value is None or isinstance(value, bool | int | float | str):
-        return value
-    if isinstance(value, PurePath):
-        return str(value)
-    raise TypeError(f"{type(value).__name__} has no place in JSON")
 
 
 def pose_report(pose: RigidTransform) -> dict[str, Any]:

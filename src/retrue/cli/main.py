@@ -23,6 +23,7 @@ from retrue.cli.recalibrate import Recalibrate
 from retrue.cli.reconstruct import Reconstruct
 from retrue.cli.rollback import Rollback
 from retrue.cli.verify import Verify
+from retrue.cli.watch import Watch
 from retrue.errors import RetrueError
 
 Commands = (
@@ -32,6 +33,7 @@ Commands = (
     | Annotated[Recalibrate, tyro.conf.subcommand("recalibrate")]
     | Annotated[Verify, tyro.conf.subcommand("verify")]
     | Annotated[Reconstruct, tyro.conf.subcommand("reconstruct")]
+    | Annotated[Watch, tyro.conf.subcommand("watch")]
     | Annotated[History, tyro.conf.subcommand("history")]
     | Annotated[Rollback, tyro.conf.subcommand("rollback")]
     | Annotated[Diff, tyro.conf.subcommand("diff")]

@@ -41,7 +41,7 @@ class Reconstruct(Command):
     limits: OmitArgPrefixes[ReconstructOptions] = field(default_factory=ReconstructOptions)
 
     def run(self) -> Outcome:
-        from retrue.cli.json_output import plain
+        from retrue.files.plain_json import plain
         from retrue.files.ply import write_cloud, write_mesh
         from retrue.files.rigs import read_rig
         from retrue.reconstruction.mesh import make_mesh

@@ -14,7 +14,7 @@ from typing import Any
 
 from retrue.errors import FileError, InputError
 from retrue.files.atomic import sync_folder
-from retrue.files.file_lock import locked
+from retrue.files.file_lock import held_file
 from retrue.files.rig_json import parse_json
 
 LARGEST_LOG = 64 * 2**20  # bytes; tens of thousands of rigs
@@ -66,7 +66,8 @@ def opened_log(path: Path) -> Generator[AppendLog]:
 
     Raises `FileError` where it cannot be opened for writing, or stays in use by others.
     """
-    with _held(path) as stream:
+    with held_file(path) as stream:
+        sync_folder(path.parent)
         try:
             content = _content(path, stream)
             documents, end = _complete_lines(path, content)
@@ -82,22 +83,6 @@ def opened_log(path: Path) -> Generator[AppendLog]:
             if not documents and stream.seek(0, os.SEEK_END) == 0:
                 with suppress(OSError):  # Windows keeps a file that is open
                     path.unlink()
-
-
-@contextmanager
-def _held(path: Path) -> Generator[io.FileIO]:
-    """The file under lock; opened again where its last holder removed it while we waited."""
-    while True:
-        try:
-            stream = path.open("a+b", buffering=0)
-        except OSError as error:
-            raise FileError(path, f"cannot be written: {error.strerror or error}") from error
-        with stream, locked(path, stream.fileno()):
-            if not (path.exists() and os.path.samestat(path.stat(), os.fstat(stream.fileno()))):
-                continue
-            sync_folder(path.parent)
-            yield stream
-            return
 
 
 def _content(path: Path, stream: io.FileIO) -> bytes:

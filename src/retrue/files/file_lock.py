@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import io
+import os
 import sys
 import time
 from collections.abc import Generator
@@ -15,7 +17,6 @@ PAUSE = 0.01  # seconds between two tries
 
 if sys.platform == "win32":
     import msvcrt
-    import os
 
     FAR = 2**62  # a byte that no file reaches: Windows would keep others from reading the one that is locked
 
@@ -58,3 +59,20 @@ def locked(path: Path, handle: int, patience: float = PATIENCE) -> Generator[Non
         yield
     finally:
         _unlock(handle)
+
+
+@contextmanager
+def held_file(path: Path, patience: float = PATIENCE) -> Generator[io.FileIO]:
+    """A file open for reading and appending, made where it is not there, and held alone.
+
+    A holder may remove it: who waited for it then opens another. Raises `FileError`.
+    """
+    while True:
+        try:
+            stream = path.open("a+b", buffering=0)
+        except OSError as error:
+            raise FileError(path, f"cannot be written: {error.strerror or error}") from error
+        with stream, locked(path, stream.fileno(), patience):
+            if path.exists() and os.path.samestat(path.stat(), os.fstat(stream.fileno())):
+                yield stream
+                return

@@ -1,0 +1,83 @@
+"""When to recalibrate, and from which frames: a state and pure functions of it, without any input or output.
+
+good      the streak ends
+drifted   the streak grows; long enough, it is time to recalibrate
+unknown   says nothing, for a while: a hand before the lens does not end a streak
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+from retrue.watch.options import WatchOptions
+
+
+@dataclass(frozen=True, slots=True)
+class Drifted:
+    """A frame that had drifted: its number, and how uncertain its own pose is (degrees; the less the better)."""
+
+    number: int
+    uncertainty_deg: float
+
+
+@dataclass(frozen=True, slots=True)
+class Streak:
+    """What is remembered between frames.
+
+    Attributes
+    ----------
+    drifted : the latest frames that had drifted, oldest first, none of them good in between.
+    untried : how many of them came since the last attempt to recalibrate.
+    unknown : frames since the last one that could tell.
+    """
+
+    drifted: tuple[Drifted, ...] = ()
+    untried: int = 0
+    unknown: int = 0
+
+
+def after_good() -> Streak:
+    """The rig holds: what drifted before was noise, or somebody put the rig right."""
+    return Streak()
+
+
+def after_drifted(streak: Streak, frame: Drifted, options: WatchOptions) -> Streak:
+    """One more, the oldest forgotten where there are too many.
+
+    >>> options = WatchOptions(drifted_frames=2, remembered_frames=2)
+    >>> streak = Streak()
+    >>> for number in (7, 8, 9):
+    ...     streak = after_drifted(streak, Drifted(number, 0.1), options)
+    >>> [frame.number for frame in streak.drifted], is_due(streak, options)
+    ([8, 9], True)
+    """
+    kept = (*streak.drifted, frame)[-options.remembered_frames :]
+    return Streak(kept, streak.untried + 1)
+
+
+def after_unknown(streak: Streak, options: WatchOptions) -> Streak:
+    """The same streak, until so many could not tell that it may be another scene by now."""
+    if streak.unknown + 1 >= options.forget_after:
+        return Streak()
+    return replace(streak, unknown=streak.unknown + 1)
+
+
+def is_due(streak: Streak, options: WatchOptions) -> bool:
+    """Whether as many frames drifted, since the last attempt, as it takes."""
+    return streak.untried >= options.drifted_frames
+
+
+def attempts(streak: Streak, options: WatchOptions) -> list[tuple[int, ...]]:
+    """Numbers of the frames to solve together: the best of all; and, if that is refused, the newest alone.
+
+    The first uses most; the second succeeds where the rig moved again within the streak.
+    """
+    best = sorted(streak.drifted, key=lambda frame: frame.uncertainty_deg)[: options.joint_frames]
+    newest = streak.drifted[-options.drifted_frames :]
+    tried = [tuple(sorted(frame.number for frame in frames)) for frames in (best, newest)]
+    return list(dict.fromkeys(tried))
+
+
+def after_refusal(streak: Streak) -> Streak:
+    """The frames are kept, but others must come before it is worth another attempt."""
+    return replace(streak, untried=0)

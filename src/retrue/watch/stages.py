@@ -1,0 +1,53 @@
+"""What is done with a frame. Handed to the watch, so that the watch itself can be driven without pictures."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+from retrue.correspondences import Correspondences
+from retrue.errors import InputError
+from retrue.patterns.pattern import Pattern
+from retrue.recalibration.result import Accepted, Refused, Verification
+from retrue.rig import Rig
+from retrue.watch.frame import Frame
+
+
+@dataclass(frozen=True, slots=True)
+class Stages:
+    """The jobs, in the order in which a frame meets them.
+
+    Attributes
+    ----------
+    write_cloud : None where no clouds are asked for; else writes one, under the frame's name, and says where.
+    """
+
+    decode: Callable[[Frame], Correspondences]
+    verify: Callable[[Rig, Sequence[Correspondences]], Verification]
+    recalibrate: Callable[[Rig, Sequence[Correspondences]], Accepted | Refused]
+    write_cloud: Callable[[Rig, Correspondences, str], Path] | None = None
+
+
+def real_stages(pattern: Pattern | None, clouds: Path | None) -> Stages:
+    """The jobs of the package; `clouds` is the folder for a cloud per frame."""
+    from retrue.decoding.decode import decode
+    from retrue.files.ply import write_cloud
+    from retrue.recalibration.recalibrate import recalibrate
+    from retrue.recalibration.verify import verify
+    from retrue.reconstruction.reconstruct import reconstruct
+
+    def decoded(frame: Frame) -> Correspondences:
+        if isinstance(frame.content, Correspondences):
+            return frame.content
+        if frame.content is None or pattern is None:
+            raise InputError("a picture needs the pattern that it shows: give --pattern P.json")
+        return decode(pattern, frame.content, names=[frame.name])
+
+    def cloud_written(rig: Rig, points: Correspondences, name: str) -> Path:
+        assert clouds is not None
+        path = clouds / f"{name}.ply"
+        write_cloud(path, reconstruct(rig, points))
+        return path
+
+    return Stages(decoded, verify, recalibrate, None if clouds is None else cloud_written)

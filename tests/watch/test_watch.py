@@ -1,0 +1,228 @@
+"""The watch on simulated frames: it finds what moved, leaves alone what did not, and logs everything."""
+
+from __future__ import annotations
+
+import json
+import threading
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from retrue.files.history import read_history, roll_back
+from retrue.files.rigs import read_rig, write_rig
+from retrue.geometry.transform import rotation_angle
+from retrue.recalibration.result import Accepted, Evidence, Refused
+from retrue.watch.events import EventLog
+from retrue.watch.options import WatchOptions
+from retrue.watch.state import read_state
+from retrue.watch.watch import Watch
+
+from .stream import RIG, STAGES, SimulatedSource, frame, seen_by, turned
+
+
+@pytest.fixture
+def folder(tmp_path: Path) -> Path:
+    write_rig(tmp_path / "rig.json", RIG)
+    return tmp_path
+
+
+def watching(folder: Path, stages=STAGES, **options) -> Watch:
+    state = read_state(folder / "state.json", "simulated")
+    events = EventLog(folder / "events.jsonl")
+    return Watch(folder / "rig.json", stages, events, state, folder / "state.json", WatchOptions(**options))
+
+
+def events(folder: Path, *kinds: str) -> list[dict]:
+    lines = [json.loads(line) for line in (folder / "events.jsonl").read_text().splitlines()]
+    return [line for line in lines if not kinds or line["event"] in kinds]
+
+
+def degrees_off(folder: Path, truth) -> float:
+    found = read_rig(folder / "rig.json").projector_from_camera
+    return float(np.degrees(rotation_angle(found.R @ truth.projector_from_camera.R.T)))
+
+
+def number_of(event: dict) -> int:
+    return int(event["name"].removeprefix("frame "))
+
+
+def test_jump_drift_dark_and_broken_frames(folder):
+    source = SimulatedSource(
+        120,
+        jumps={20: (1.0, -0.7, 0.4), 50: (0.0, 2.0, 0.0)},
+        drift=(70, 110, (0.3, 0.3, 0.0)),
+        dark=7,
+        broken=11,
+    )
+    watch = watching(folder)
+    last = watch.run(source, threading.Event())
+    watch.events.close()
+    counts = watch.state.counts
+    assert last["reason"] == "the source ended"
+    assert counts.frames == 120
+    assert counts.bad == sum(source.kind(n) == "broken" for n in range(120)) == len(events(folder, "bad frame"))
+    assert counts.good + counts.drifted + counts.unknown == len(events(folder, "frame")) == 120 - counts.bad
+    history = events(folder, "recalibrated")
+    assert len(history) == counts.recalibrated == len(read_history(folder / "rig.json")) - 1
+    newest = [max(int(name.removeprefix("frame ")) for name in event["frames"]) for event in history]
+    for jump in source.jumps:
+        assert any(jump + 2 <= number <= jump + 4 for number in newest), newest
+    assert all(number >= 20 for number in newest)
+    assert not [number for number in newest if 25 < number < 50]
+    assert not [number for number in newest if 55 < number < 70]
+    assert degrees_off(folder, source.rig_at(119)) < 0.15
+    assert events(folder)[0]["event"] == "started"
+    assert events(folder)[-1] == last
+
+
+def test_a_rig_that_holds_is_left_alone(folder):
+    before = (folder / "rig.json").read_bytes()
+    watch = watching(folder)
+    watch.run(SimulatedSource(60), threading.Event())
+    watch.events.close()
+    assert (folder / "rig.json").read_bytes() == before
+    assert watch.state.counts.recalibrated == watch.state.counts.refused == 0
+
+
+def test_frames_of_two_poses_are_not_mixed(folder):
+    """The rig moves within the streak: what is solved must be one pose, soon after."""
+    watch = watching(folder)
+    one, two = turned(RIG, (1.0, 0, 0)), turned(RIG, (0, 2.5, 0))
+    for number in range(2):
+        watch.handle(frame(f"frame {number}", seen_by(one, number)))
+    for number in range(2, 9):
+        watch.handle(frame(f"frame {number}", seen_by(two, number)))
+    watch.events.close()
+    assert degrees_off(folder, two) < 0.1
+    assert all(np.min(np.abs([1.0 - o, 2.5 - o])) < 0.1 for o in [degrees_off(folder, RIG)])
+
+
+def test_what_is_refused_is_never_written(folder):
+    before = (folder / "rig.json").read_bytes()
+    stages = replace(STAGES, recalibrate=lambda rig, captures: Refused("no plane", Evidence(0)))
+    watch = watching(folder, stages)
+    for number in range(6):
+        watch.handle(frame(f"frame {number}", seen_by(turned(RIG, (1, 0, 0)), number)))
+    watch.events.close()
+    assert (folder / "rig.json").read_bytes() == before
+    assert [event["reason"] for event in events(folder, "refused")] == ["no plane", "no plane"]
+
+
+def test_an_answer_that_its_own_frames_contradict_is_never_written(folder):
+    before = (folder / "rig.json").read_bytes()
+    wrong = turned(RIG, (0, 5, 0))
+    stages = replace(STAGES, recalibrate=lambda rig, captures: Accepted(wrong, "surely", Evidence(0)))
+    watch = watching(folder, stages)
+    for number in range(3):
+        watch.handle(frame(f"frame {number}", seen_by(turned(RIG, (1, 0, 0)), number)))
+    watch.events.close()
+    assert (folder / "rig.json").read_bytes() == before
+    assert "do not agree" in events(folder, "refused")[0]["reason"]
+
+
+def test_a_disk_that_is_full_for_a_while(folder, monkeypatch):
+    watch = watching(folder)
+    moved = turned(RIG, (1, 0, 0))
+
+    def full(*_):
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr("retrue.watch.watch.write_in_place", full)
+    for number in range(3):
+        watch.handle(frame(f"frame {number}", seen_by(moved, number)))
+    assert "No space left" in events(folder, "refused")[0]["reason"]
+    monkeypatch.undo()
+    for number in range(3, 6):
+        watch.handle(frame(f"frame {number}", seen_by(moved, number)))
+    watch.events.close()
+    assert degrees_off(folder, moved) < 0.1
+
+
+def test_a_frame_that_breaks_the_decoder_is_passed_over(folder):
+    def broken(_):
+        raise ZeroDivisionError("division\nby zero")
+
+    watch = watching(folder, replace(STAGES, decode=broken))
+    watch.handle(frame("frame 0", seen_by(RIG, 0)))
+    watch.events.close()
+    (event,) = events(folder, "bad frame")
+    assert event["reason"] == "ZeroDivisionError: division by zero"
+    assert watch.state.counts.bad == 1
+
+
+def test_a_rollback_by_somebody_else_is_obeyed(folder):
+    watch = watching(folder)
+    moved = turned(RIG, (1, 0, 0))
+    for number in range(4):
+        watch.handle(frame(f"frame {number}", seen_by(moved, number)))
+    roll_back(folder / "rig.json")
+    watch.handle(frame("frame 4", seen_by(RIG, 4)))
+    (folder / "rig.json").write_text("{")
+    watch.handle(frame("frame 5", seen_by(RIG, 5)))
+    watch.events.close()
+    assert [event["verdict"] for event in events(folder, "frame")] == ["drifted"] * 3 + ["good"] * 3
+    assert len(events(folder, "rig changed")) == len(events(folder, "rig unreadable")) == 1
+
+
+def test_a_second_watch_goes_on_where_the_first_was(folder):
+    first = watching(folder)
+    stop = threading.Event()
+
+    class Stopping(SimulatedSource):
+        def frames(self, ended):
+            for item in super().frames(ended):
+                yield item
+                if item.name == "frame 9":
+                    stop.set()
+
+    assert first.run(Stopping(30), stop)["reason"] == "stopped"
+    first.events.close()
+    second = watching(folder)
+    second.run(SimulatedSource(30, first=second.state.position["next"]), threading.Event())
+    second.events.close()
+    assert [number_of(event) for event in events(folder, "frame")] == list(range(30))
+    assert second.state.counts.frames == 30
+    assert [event["resumed"] for event in events(folder, "started")] == [False, True]
+    assert read_state(folder / "state.json", "simulated").counts == second.state.counts
+    assert read_state(folder / "state.json", "another source").counts.frames == 0
+
+
+def test_a_cloud_per_frame_but_none_from_a_rig_that_drifted(folder):
+    written: list[tuple[str, float]] = []
+
+    def write_cloud(rig, points, name):
+        off = np.degrees(rotation_angle(rig.projector_from_camera.R @ RIG.projector_from_camera.R.T))
+        written.append((name, round(float(off), 1)))
+        return Path(name)
+
+    watch = watching(folder, replace(STAGES, write_cloud=write_cloud))
+    for number in range(8):
+        truth = turned(RIG, (1, 0, 0)) if number >= 2 else RIG
+        watch.handle(frame(f"frame {number}", seen_by(truth, number)))
+    watch.events.close()
+    assert written == [(f"frame {number}", 1.0 if number >= 2 else 0.0) for number in range(8)]
+
+
+def test_a_source_that_fails_ends_the_watch_and_says_so(folder):
+    class Failing(SimulatedSource):
+        def frames(self, stop):
+            yield from super().frames(stop)
+            raise RuntimeError("unplugged")
+
+    watch = watching(folder)
+    with pytest.raises(RuntimeError, match="unplugged"):
+        watch.run(Failing(2), threading.Event())
+    watch.events.close()
+    assert events(folder)[-1]["reason"] == "failed"
+    assert len(events(folder, "frame")) == 2
+
+
+def test_a_torn_line_in_the_log_stays_alone(folder):
+    (folder / "events.jsonl").write_text('{"event": "fra')
+    watch = watching(folder)
+    watch.handle(frame("frame 0", seen_by(RIG, 0)))
+    watch.events.close()
+    lines = (folder / "events.jsonl").read_text().splitlines()
+    assert json.loads(lines[1])["event"] == "frame"
