@@ -19,10 +19,11 @@ import numpy as np
 
 from retrue.calibration.board import Board, parse_board
 from retrue.calibration.bundle import adjust
-from retrue.calibration.calibrate import CalibrationOptions, calibrate, calibrate_views
+from retrue.calibration.calibrate import calibrate, calibrate_views
 from retrue.calibration.detection import BoardCorners
 from retrue.calibration.jacobians import INTRINSICS
 from retrue.calibration.observations import View, corner_group
+from retrue.calibration.options import CalibrationOptions
 from retrue.calibration.result import Calibrated
 from retrue.calibration.views import BoardCapture, StereoCapture, projected_view, see_views
 from retrue.correspondences import Correspondences

@@ -12,8 +12,9 @@ import numpy as np
 import pytest
 
 from retrue.calibration.board import parse_board
-from retrue.calibration.calibrate import CalibrationOptions, calibrate, calibrate_views
+from retrue.calibration.calibrate import calibrate, calibrate_views
 from retrue.calibration.observations import View
+from retrue.calibration.options import CalibrationOptions
 from retrue.calibration.result import Calibrated, RefusedCalibration
 from retrue.calibration.views import BoardCapture, LeftOut
 from retrue.correspondences import Correspondences

@@ -18,6 +18,7 @@ from retrue.calibration.evidence import gather_evidence, rms_px
 from retrue.calibration.jacobians import Setup
 from retrue.calibration.lens_terms import LensChoice, choose_lens, fit_with_lens
 from retrue.calibration.observations import CornerObservations, View, corner_group, observation_groups
+from retrue.calibration.options import CalibrationOptions
 from retrue.calibration.result import Calibrated, RefusedCalibration
 from retrue.calibration.uncertainty import normal_spread_deg, predicted_error
 from retrue.calibration.views import Capture, LeftOut, Progress, StereoCapture, picture_size, see_views
@@ -28,26 +29,6 @@ from retrue.rig import Rig
 
 Sizes = tuple[tuple[int, int], tuple[int, int]]
 Known = tuple[Camera | None, Camera | None]
-
-
-@dataclass(frozen=True, slots=True)
-class CalibrationOptions:
-    """How to calibrate.
-
-    Attributes
-    ----------
-    dense : use the decoded points on the board and around it, not only its corners.
-    corner_limit : leave a corner out that misses by more than this many sigmas.
-    view_limit : leave a view out if the others fit better without it by more than this factor.
-    largest_error : refuse when the predicted error exceeds this share of the working distance.
-    largest_rms_px : refuse when the corners miss by more.
-    """
-
-    dense: bool = True
-    corner_limit: float = 4.0
-    view_limit: float = 3.0
-    largest_error: float = 0.01
-    largest_rms_px: float = 3.0
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -12,7 +12,9 @@ from typing import Annotated, Any, cast
 
 import tyro
 
+from retrue.cli.calibrate import Calibrate
 from retrue.cli.command import BAD_INPUT, Command
+from retrue.cli.convert import Convert
 from retrue.cli.decode import Decode
 from retrue.cli.demo import Demo
 from retrue.cli.diff import Diff
@@ -30,6 +32,7 @@ Commands = (
     Annotated[Demo, tyro.conf.subcommand("demo")]
     | Annotated[Pattern, tyro.conf.subcommand("pattern")]
     | Annotated[Decode, tyro.conf.subcommand("decode")]
+    | Annotated[Calibrate, tyro.conf.subcommand("calibrate")]
     | Annotated[Recalibrate, tyro.conf.subcommand("recalibrate")]
     | Annotated[Verify, tyro.conf.subcommand("verify")]
     | Annotated[Reconstruct, tyro.conf.subcommand("reconstruct")]
@@ -37,6 +40,7 @@ Commands = (
     | Annotated[History, tyro.conf.subcommand("history")]
     | Annotated[Rollback, tyro.conf.subcommand("rollback")]
     | Annotated[Diff, tyro.conf.subcommand("diff")]
+    | Annotated[Convert, tyro.conf.subcommand("convert")]
 )
 DESCRIPTION = "Recalibrate a camera-projector rig from one picture, and know how sure the answer is."
 INTERRUPTED = 130  # as a shell reports SIGINT

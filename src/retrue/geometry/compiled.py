@@ -1,6 +1,6 @@
-"""Where Numba is installed (`pip install retrue[fast]`), single solves and fits run as machine code.
+"""Where many homographies are asked for, single solves and fits run as machine code (Numba).
 
-Reading it costs about half a second, so nothing waits for it that is done in less: it comes in with the first
+Reading it costs about half a second, so nothing waits for it that is done in less: it comes in after the first
 `LOAD_AFTER` homographies that a process asks a pose or a plain fit of, or where `load_kernels` is called. The answers
 are the same to rounding.
 """
@@ -10,7 +10,7 @@ from __future__ import annotations
 from importlib.util import find_spec
 from types import ModuleType
 
-LOAD_AFTER = 32
+LOAD_AFTER = 200
 
 planar_pose: ModuleType | None = None
 homography: ModuleType | None = None

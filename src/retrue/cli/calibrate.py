@@ -1,0 +1,112 @@
+"""`retrue calibrate`."""
+
+from __future__ import annotations
+
+import sys
+import time
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Annotated, Any
+
+from tyro.conf import OmitArgPrefixes, arg
+
+from retrue.calibration.options import CalibrationOptions
+from retrue.cli.command import (
+    DONE,
+    REFUSED_OR_DRIFTED,
+    CapturePaths,
+    Command,
+    Outcome,
+    log,
+    require_writable,
+)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Calibrate(Command):
+    """Find the intrinsics of both devices and the pose between them, from captures of a printed board.
+
+    Attributes
+    ----------
+    captures
+        Folders, one a pose of the board: a Gray code, or two pictures, lit white and by the colour grid.
+    pattern
+        What the projector showed, JSON.
+    board
+        What is printed: chessboard:7x9:75mm (inner corners), charuco:5x7:30mm:22mm, circles:..., acircles:...
+    out
+        The rig file to write. Nothing is written when the answer is refused.
+    camera
+        A file that holds intrinsics of the camera which are known and stay as they are.
+    projector
+        The same for the projector.
+    limits
+        Limits of the method.
+    """
+
+    captures: CapturePaths
+    pattern: Annotated[Path, arg(metavar="P.json")]
+    board: Annotated[str, arg(metavar="KIND:SIZE:LENGTH")]
+    out: Path
+    camera: Path | None = None
+    projector: Path | None = None
+    limits: OmitArgPrefixes[CalibrationOptions] = field(default_factory=CalibrationOptions)
+
+    def run(self) -> Outcome:
+        from retrue.calibration.board import parse_board
+        from retrue.calibration.calibrate import calibrate
+        from retrue.calibration.result import Calibrated
+        from retrue.calibration.views import Capture
+        from retrue.cli.json_output import plain
+        from retrue.errors import InputError
+        from retrue.files.board_captures import read_board_capture
+        from retrue.files.patterns import read_pattern
+        from retrue.files.rigs import read_device, write_rig
+
+        require_writable(self.out)
+        if not self.captures:
+            raise InputError("expected at least one CAPTURE folder, found none")
+        board = parse_board(self.board)
+        pattern = read_pattern(self.pattern)
+        camera = None if self.camera is None else read_device(self.camera, "camera")
+        projector = None if self.projector is None else read_device(self.projector, "projector")
+        start = time.perf_counter()
+        captures: list[Capture] = []
+        for number, path in enumerate(self.captures, 1):
+            progress(f"reading {path.name}, {number} of {len(self.captures)}")
+            captures.append(read_board_capture(path, pattern))
+        result = calibrate(
+            captures,
+            board,
+            pattern.projector_size,
+            self.limits,
+            camera=camera,
+            projector=projector,
+            progress=progress,
+        )
+        seconds = time.perf_counter() - start
+        accepted = isinstance(result, Calibrated)
+        report = {
+            "verdict": "accepted" if accepted else "refused",
+            "reason": result.reason,
+            **plain(result.evidence),
+            "seconds": seconds,
+        }
+        text = "\n".join([f"{report['verdict']}: {result.reason}", *_described(result.evidence)])
+        if not isinstance(result, Calibrated):
+            return Outcome(report, f"{text}\nnothing was written", REFUSED_OR_DRIFTED)
+        write_rig(self.out, result.rig)
+        return Outcome(report, f"{text}\n{self.out}: written", DONE)
+
+
+def progress(message: str) -> None:
+    """What is being done, only where somebody watches."""
+    if sys.stderr.isatty():
+        log(message)
+
+
+def _described(evidence: Mapping[str, Any]) -> list[str]:
+    """What was left out, and what to capture next, a line each."""
+    left_out = [f"left out {view['name']}: {view['reason']}" for view in evidence.get("left_out", ())]
+    return left_out + [f"advice: {advice}" for advice in evidence.get("advice", ())]
