@@ -129,7 +129,8 @@ def _profile_offset(
     profile = _profiles(picture, weights, p, u, v, t, duty, LINES)
     height_filters, shift_filters = _filters(duty)
     blur = picture.blur_px / np.maximum(np.linalg.norm(u, axis=-1), 1e-6)
-    nearest = np.abs(np.log(BLURS) - np.log(blur)[:, None]).argmin(axis=1)
+    between: FloatArray = np.sqrt(BLURS[1:] * BLURS[:-1])
+    nearest = np.searchsorted(between, blur)
     height = np.einsum("nt,nt->n", height_filters[nearest], profile)
     shift = np.einsum("nt,nt->n", shift_filters[nearest], profile)
     return np.clip(shift / np.maximum(height, 1e-6), -0.15, 0.15)
@@ -194,6 +195,6 @@ def _profiles(
 
 def _sample(picture: _Smoothed, at: FloatArray) -> Samples:
     """`picture` at points (N, ..., 2), interpolated: (N, ..., 3)."""
-    maps = at.reshape(len(at), -1, 2).astype(np.float32)
-    seen = cv2.remap(picture.pixels, maps[..., 0], maps[..., 1], cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
+    x, y = np.moveaxis(at.reshape(len(at), -1, 2), -1, 0).astype(np.float32)
+    seen = cv2.remap(picture.pixels, x, y, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
     return np.asarray(seen, dtype=np.float32).reshape(*at.shape[:-1], 3)
