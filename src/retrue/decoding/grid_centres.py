@@ -20,6 +20,7 @@ REACH = 0.5  # pitches that a profile reaches to either side: to the middle of t
 SAMPLES = 9  # along a profile
 BLUR = 1.0  # px, standard deviation of a typical edge; the fit hardly depends on it
 BLURS = np.geomspace(0.02, 0.4, 25)  # in pitches: one filter each
+BLUR_BORDERS = np.sqrt(BLURS[1:] * BLURS[:-1])  # where the next filter takes over
 SIDE_SAMPLES = 9  # across one side
 SIDE_WINDOW = 0.88  # of half a gap: how far those reach from the side
 CHANNEL_TRUST = np.array([1.0, 2.0, 1.0], np.float32)  # green is sampled twice as densely, and never subsampled
@@ -128,9 +129,8 @@ def _profile_offset(
     t = np.linspace(-REACH, REACH, SAMPLES)
     profile = _profiles(picture, weights, p, u, v, t, duty, LINES)
     height_filters, shift_filters = _filters(duty)
-    blur = picture.blur_px / np.maximum(np.linalg.norm(u, axis=-1), 1e-6)
-    between: FloatArray = np.sqrt(BLURS[1:] * BLURS[:-1])
-    nearest = np.searchsorted(between, blur)
+    blur: FloatArray = picture.blur_px / np.maximum(np.linalg.norm(u, axis=-1), 1e-6)
+    nearest = np.searchsorted(BLUR_BORDERS, blur)
     height = np.einsum("nt,nt->n", height_filters[nearest], profile)
     shift = np.einsum("nt,nt->n", shift_filters[nearest], profile)
     return np.clip(shift / np.maximum(height, 1e-6), -0.15, 0.15)
