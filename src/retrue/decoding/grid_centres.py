@@ -28,6 +28,7 @@ ROUNDS = 2
 FARTHEST = 0.12  # of a pitch that a centre may lie off the middle of its blob
 STRAIGHT = 4.0  # sigmas by which lines through one block may differ on a smooth surface
 DISAGREEMENT = 0.06  # of a pitch between two ways to measure: more, and the block is cut
+RIM_DISAGREEMENT = 0.03  # the same at the rim of a surface, where cut blocks are
 
 Samples = NDArray[np.float32]
 _Offset = Callable[["_Smoothed", Samples, FloatArray, FloatArray, FloatArray, float], FloatArray]
@@ -105,7 +106,8 @@ def refine_centres(image: Image, coarse: FloatArray, joints: Joints, duty: float
     between = np.linalg.norm(by_sides - fitted, axis=-1)
     straight = np.isfinite(second.expected[..., 0]) & (second.spread < STRAIGHT * first.sigma)
     position = np.where((unsure & straight)[..., None], second.expected, by_sides)
-    position[unsure & ~straight & ~(between < DISAGREEMENT * pitch)] = np.nan
+    limit = np.where(joints.inside(), DISAGREEMENT, RIM_DISAGREEMENT) * pitch
+    position[unsure & ~straight & ~(between < limit)] = np.nan
     sigma = np.hypot(first.sigma, np.where(unsure, np.where(straight, second.spread, between), 0.0))
     sigma[~np.isfinite(position[..., 0])] = np.nan
     return Centres(position, sigma)

@@ -30,6 +30,11 @@ class Joints:
         """Only the joints with a held block at both ends."""
         return Joints(self.right & held[:, :-1] & held[:, 1:], self.down & held[:-1] & held[1:])
 
+    def inside(self) -> BoolArray:
+        """(rows, columns) blocks that are linked to all four of their neighbours."""
+        right, down = np.pad(self.right, ((0, 0), (1, 1))), np.pad(self.down, ((1, 1), (0, 0)))
+        return right[:, :-1] & right[:, 1:] & down[:-1] & down[1:]
+
     def step(self, direction: tuple[int, int]) -> BoolArray:
         """(rows, columns) whether each is linked to the one in `direction` (down, right), diagonals over a corner."""
         right = np.pad(self.right, ((0, 0), (0, 1)))
