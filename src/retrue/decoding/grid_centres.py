@@ -20,6 +20,7 @@ REACH = 0.5  # pitches that a profile reaches to either side: to the middle of t
 SAMPLES = 9  # along a profile
 BLUR = 1.0  # px, standard deviation of a typical edge; the fit hardly depends on it
 BLURS = np.geomspace(0.02, 0.4, 25)  # in pitches: one filter each
+BLUR_BORDERS = np.sqrt(BLURS[1:] * BLURS[:-1])  # where the next filter takes over
 SIDE_SAMPLES = 9  # across one side
 SIDE_WINDOW = 0.88  # of half a gap: how far those reach from the side
 CHANNEL_TRUST = np.array([1.0, 2.0, 1.0], np.float32)  # green is sampled twice as densely, and never subsampled
@@ -27,6 +28,7 @@ ROUNDS = 2
 FARTHEST = 0.12  # of a pitch that a centre may lie off the middle of its blob
 STRAIGHT = 4.0  # sigmas by which lines through one block may differ on a smooth surface
 DISAGREEMENT = 0.06  # of a pitch between two ways to measure: more, and the block is cut
+RIM_DISAGREEMENT = 0.03  # the same at the rim of a surface, where cut blocks are
 
 Samples = NDArray[np.float32]
 _Offset = Callable[["_Smoothed", Samples, FloatArray, FloatArray, FloatArray, float], FloatArray]
@@ -104,7 +106,8 @@ def refine_centres(image: Image, coarse: FloatArray, joints: Joints, duty: float
     between = np.linalg.norm(by_sides - fitted, axis=-1)
     straight = np.isfinite(second.expected[..., 0]) & (second.spread < STRAIGHT * first.sigma)
     position = np.where((unsure & straight)[..., None], second.expected, by_sides)
-    position[unsure & ~straight & ~(between < DISAGREEMENT * pitch)] = np.nan
+    limit = np.where(joints.inside(), DISAGREEMENT, RIM_DISAGREEMENT) * pitch
+    position[unsure & ~straight & ~(between < limit)] = np.nan
     sigma = np.hypot(first.sigma, np.where(unsure, np.where(straight, second.spread, between), 0.0))
     sigma[~np.isfinite(position[..., 0])] = np.nan
     return Centres(position, sigma)
@@ -128,8 +131,8 @@ def _profile_offset(
     t = np.linspace(-REACH, REACH, SAMPLES)
     profile = _profiles(picture, weights, p, u, v, t, duty, LINES)
     height_filters, shift_filters = _filters(duty)
-    blur = picture.blur_px / np.maximum(np.linalg.norm(u, axis=-1), 1e-6)
-    nearest = np.abs(np.log(BLURS) - np.log(blur)[:, None]).argmin(axis=1)
+    blur: FloatArray = picture.blur_px / np.maximum(np.linalg.norm(u, axis=-1), 1e-6)
+    nearest = np.searchsorted(BLUR_BORDERS, blur)
     height = np.einsum("nt,nt->n", height_filters[nearest], profile)
     shift = np.einsum("nt,nt->n", shift_filters[nearest], profile)
     return np.clip(shift / np.maximum(height, 1e-6), -0.15, 0.15)
@@ -194,6 +197,6 @@ def _profiles(
 
 def _sample(picture: _Smoothed, at: FloatArray) -> Samples:
     """`picture` at points (N, ..., 2), interpolated: (N, ..., 3)."""
-    maps = at.reshape(len(at), -1, 2).astype(np.float32)
-    seen = cv2.remap(picture.pixels, maps[..., 0], maps[..., 1], cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
+    x, y = np.moveaxis(at.reshape(len(at), -1, 2), -1, 0).astype(np.float32)
+    seen = cv2.remap(picture.pixels, x, y, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
     return np.asarray(seen, dtype=np.float32).reshape(*at.shape[:-1], 3)

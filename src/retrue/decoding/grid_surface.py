@@ -30,6 +30,11 @@ class Joints:
         """Only the joints with a held block at both ends."""
         return Joints(self.right & held[:, :-1] & held[:, 1:], self.down & held[:-1] & held[1:])
 
+    def inside(self) -> BoolArray:
+        """(rows, columns) blocks that are linked to all four of their neighbours."""
+        right, down = np.pad(self.right, ((0, 0), (1, 1))), np.pad(self.down, ((1, 1), (0, 0)))
+        return right[:, :-1] & right[:, 1:] & down[:-1] & down[1:]
+
     def step(self, direction: tuple[int, int]) -> BoolArray:
         """(rows, columns) whether each is linked to the one in `direction` (down, right), diagonals over a corner."""
         right = np.pad(self.right, ((0, 0), (0, 1)))
@@ -62,7 +67,8 @@ def slopes(position: FloatArray, joints: Joints) -> tuple[FloatArray, FloatArray
     """
     right, right_bend = _derivative(position, joints, (0, 1))
     down, down_bend = _derivative(position, joints, (1, 0))
-    return _borrowed(right, joints), _borrowed(down, joints), right_bend + down_bend
+    here = np.isfinite(position[..., 0])
+    return _borrowed(right, here, joints), _borrowed(down, here, joints), right_bend + down_bend
 
 
 def sound_joints(position: FloatArray, joints: Joints) -> Joints:
@@ -122,7 +128,8 @@ def agreement(position: FloatArray, joints: Joints) -> Agreement:
     A crease or the edge of a surface leaves at least one of these lines straight; a block that is off all of
     them is off the surface, or was measured badly.
     """
-    middles = np.stack([_middle(position, joints, direction) for direction in DIRECTIONS])
+    both_sides = [_linked_on_both_sides(joints, direction) for direction in DIRECTIONS]
+    middles = _middles(position, both_sides)
     off = position - middles
     distance = np.linalg.norm(off, axis=-1)
     known = np.isfinite(distance)
@@ -131,7 +138,7 @@ def agreement(position: FloatArray, joints: Joints) -> Agreement:
     closest = np.min(np.where(known, distance, np.inf), axis=0)
     odd = np.isfinite(position[..., 0]) & (closest > OUTLIER_SIGMAS * sigma)
     clean = np.where(odd[..., None], np.nan, position)
-    lines = np.stack([_middle(clean, joints, direction) for direction in DIRECTIONS])
+    lines = _middles(clean, both_sides)
     count = np.isfinite(lines[..., 0]).sum(axis=0)
     expected = np.nansum(lines, axis=0) / np.where(count > 0, count, np.nan)[..., None]
     spread = np.max(np.nan_to_num(np.linalg.norm(lines - expected, axis=-1)), axis=0)
@@ -158,7 +165,10 @@ def _derivative(position: FloatArray, joints: Joints, direction: tuple[int, int]
     return slope, np.where(sharp[..., None], 0.0, bend)
 
 
-def _borrowed(slope: FloatArray, joints: Joints) -> FloatArray:
+def _borrowed(slope: FloatArray, here: BoolArray, joints: Joints) -> FloatArray:
+    """`slope`, where blocks that are `here` lack it, as the mean of what their linked neighbours have."""
+    if np.isfinite(slope[here]).all():
+        return slope
     total, count = np.zeros_like(slope), np.zeros_like(slope)
     for direction in ((0, 1), (1, 0)):
         linked = joints.step(direction)
@@ -171,9 +181,15 @@ def _borrowed(slope: FloatArray, joints: Joints) -> FloatArray:
     return np.where(np.isfinite(slope), slope, total / np.where(count > 0, count, np.nan))
 
 
-def _middle(position: FloatArray, joints: Joints, direction: tuple[int, int]) -> FloatArray:
-    back = (-direction[0], -direction[1])
+def _linked_on_both_sides(joints: Joints, direction: tuple[int, int]) -> BoolArray:
     linked = joints.step(direction)
-    both = linked & shifted(linked, back, False)
-    middle = (shifted(position, direction, np.nan) + shifted(position, back, np.nan)) / 2
-    return np.where(both[..., None], middle, np.nan)
+    return linked & shifted(linked, (-direction[0], -direction[1]), False)
+
+
+def _middles(position: FloatArray, both_sides: list[BoolArray]) -> FloatArray:
+    """(4, rows, columns, 2) the middle of the two neighbours of each block in each of DIRECTIONS; NaN where none."""
+    middles = np.full((len(DIRECTIONS), *position.shape), np.nan)
+    for middle, linked, (down, right) in zip(middles, both_sides, DIRECTIONS, strict=True):
+        ahead, behind = shifted(position, (down, right), np.nan), shifted(position, (-down, -right), np.nan)
+        middle[linked] = (ahead[linked] + behind[linked]) / 2
+    return middles
