@@ -142,8 +142,9 @@ def _trial(cell: Cell, rng: np.random.Generator) -> FloatArray:
         elapsed = 1e6 * (time.perf_counter() - start)
         errors = np.array([_error(pose, scene.pose.R, scene.pose.t) for pose in poses]).reshape(-1, 5)
         if len(errors) and np.isfinite(errors).all():
-            best = errors[np.argmin(np.einsum("ni,ij,nj->n", errors, np.linalg.inv(bound), errors))]
-            relative = np.array([np.linalg.norm(best[:3]), np.linalg.norm(best[3:])]) / sigmas
+            relative = np.stack([np.linalg.norm(errors[:, :3], axis=1), np.linalg.norm(errors[:, 3:], axis=1)]) / sigmas[:, None]
+            nearest = int(np.argmin((relative**2).sum(axis=0)))
+            best, relative = errors[nearest], relative[:, nearest]
             if covariance is not None:
                 nees = float(best @ np.linalg.solve(covariance, best))
             rows.append((*relative, float((relative > FAILED).any()), nees, holds, elapsed))
@@ -161,11 +162,11 @@ def _whole_job(rig: Rig, points: Correspondences) -> tuple[list[Pose], FloatArra
 
 
 def _error(pose: Pose, R: FloatArray, t: FloatArray) -> FloatArray:
-    """(5,) rotation vector and direction of t, in the frame of the covariances; t of either sign."""
+    """(5,) rotation vector and direction of t, in the frame of the pose's own covariance; t of either sign."""
     found, direction = pose[0], pose[1] / np.linalg.norm(pose[1])
     if direction @ t < 0:
-        direction = -direction
-    across = tangent_basis(t).T @ direction
+        t = -t
+    across = tangent_basis(direction).T @ -t
     sine = float(np.linalg.norm(across))
     if sine > 0:
         across = across * (direction_angle(t, direction) / sine)
