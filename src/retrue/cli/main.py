@@ -15,6 +15,7 @@ import tyro
 from retrue.cli.command import BAD_INPUT, Command
 from retrue.cli.decode import Decode
 from retrue.cli.demo import Demo
+from retrue.cli.experiment import Experiment
 from retrue.cli.known_distance import registry
 from retrue.cli.pattern import Pattern
 from retrue.cli.recalibrate import Recalibrate
@@ -29,6 +30,7 @@ Commands = (
     | Annotated[Recalibrate, tyro.conf.subcommand("recalibrate")]
     | Annotated[Verify, tyro.conf.subcommand("verify")]
     | Annotated[Reconstruct, tyro.conf.subcommand("reconstruct")]
+    | Annotated[Experiment, tyro.conf.subcommand("experiment")]
 )
 DESCRIPTION = "Recalibrate a camera-projector rig from one picture, and know how sure the answer is."
 INTERRUPTED = 130  # as a shell reports SIGINT

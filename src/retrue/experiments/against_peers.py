@@ -60,8 +60,8 @@ def peers(
 
     Table columns: RMSE over the bound in rotation and in the direction of t, of the trials that did not fail; `failed`,
     in percent: no pose, or more than ten times the bound; half the length of the RMSE ratio's 95 % interval; `nees`,
-    the mean normalised error squared (5 if the reported sigma is honest); median microseconds a call. `bound` says whether
-    the bound is small enough for linear theory to hold.
+    the mean normalised error squared (5 if the reported sigma is honest); median microseconds a call. `bound` says
+    whether the bound is small enough for linear theory to hold.
     """
     cells = all_cells() if cells is None else cells
     results = run_trials(_trial, cells, trials, seed, workers=workers, progress=progress)
@@ -70,10 +70,8 @@ def peers(
         names = _names(cell)
         known = bool((outcome[:, 0, 4] > 0.5).all())
         for k, name in enumerate(names):
-            rows.append(
-                (cell.setup.name, cell.points, cell.noise_px, 100 * cell.outliers, name, "holds" if known else "beyond")
-                + _summary(outcome[:, k])
-            )
+            setting = (cell.setup.name, cell.points, cell.noise_px, 100 * cell.outliers, name)
+            rows.append((*setting, "holds" if known else "beyond", *_summary(outcome[:, k])))
     rows += [("any", 0, 0.0, 0.0, name, "not installed", *([float("nan")] * 6)) for name in missing()]
     columns = ("setup", "N", "noise_px", "outliers_%", "method", "bound")
     table = Table("peers", (*columns, "rotation", "translation", "interval", "failed_%", "nees", "us"), rows)
@@ -89,7 +87,7 @@ def peers(
         for part, outliers, whole in (("rotation", 0.0, "all"), ("rotation", 20.0, "20 % outliers"))
         for setup in SETUPS
     )
-    return Study("peers", (table,), panels)
+    return Study("peers", table, panels)
 
 
 def _names(cell: Cell) -> list[str]:
@@ -142,7 +140,10 @@ def _trial(cell: Cell, rng: np.random.Generator) -> FloatArray:
         elapsed = 1e6 * (time.perf_counter() - start)
         errors = np.array([_error(pose, scene.pose.R, scene.pose.t) for pose in poses]).reshape(-1, 5)
         if len(errors) and np.isfinite(errors).all():
-            relative = np.stack([np.linalg.norm(errors[:, :3], axis=1), np.linalg.norm(errors[:, 3:], axis=1)]) / sigmas[:, None]
+            relative = (
+                np.stack([np.linalg.norm(errors[:, :3], axis=1), np.linalg.norm(errors[:, 3:], axis=1)])
+                / sigmas[:, None]
+            )
             nearest = int(np.argmin((relative**2).sum(axis=0)))
             best, relative = errors[nearest], relative[:, nearest]
             if covariance is not None:

@@ -50,7 +50,15 @@ def ambiguity(
             shares = [100 * float(np.mean(count == solutions)) for solutions in range(MOST + 1)]
             one_or_two = shares[1] + shares[2]
             rows.append(
-                (cell.points, cell.spread, method, *shares, one_or_two, 100 * float(truth.mean()), 100 * float(false.mean()))
+                (
+                    cell.points,
+                    cell.spread,
+                    method,
+                    *shares,
+                    one_or_two,
+                    100 * float(truth.mean()),
+                    100 * float(false.mean()),
+                )
             )
     names = tuple(str(solutions) for solutions in range(MOST + 1))
     table = Table("ambiguity", ("points", "spread", "method", *names, "1 or 2", "truth", "false"), rows)
@@ -63,7 +71,7 @@ def ambiguity(
             ("a pose that is none", "false"),
         )
     )
-    return Study("ambiguity", (table,), panels)
+    return Study("ambiguity", table, panels)
 
 
 def _lines(table: Table, column: str) -> list[Line]:

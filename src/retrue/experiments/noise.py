@@ -35,13 +35,11 @@ class Cell:
     noise_px: float
 
 
-def noise(
-    trials: int = 500, seed: int = 0, *, workers: int | None = None, progress: Progress | None = None
-) -> Study:
+def noise(trials: int = 500, seed: int = 0, *, workers: int | None = None, progress: Progress | None = None) -> Study:
     """Mean and standard deviation of the errors of eq. (29), in percent, for noise of 0 to 1 px.
 
-    R turns by pi/8, pi/5, pi/4 about x, y, z; t is along (8, 4, 1); 50 points lie on Z = X + 2 Y + 10 over +-1.5 in X and
-    Y, anew in each trial. The focal length is 1000 px in both devices: print has lost the paper's.
+    R turns by pi/8, pi/5, pi/4 about x, y, z; t is along (8, 4, 1); 50 points lie on Z = X + 2 Y + 10 over +-1.5 in X
+    and Y, anew in each trial. The focal length is 1000 px in both devices: print has lost the paper's.
     """
     cells = [Cell(level) for level in NOISE_PX]
     results = run_trials(_trial, cells, trials, seed, workers=workers, progress=progress)
@@ -58,7 +56,7 @@ def noise(
         for name in ("rotation", "translation")
     )
     remark = f"the three solvers differ by at most {same:.1e} on the same homography, in any trial"
-    return Study("noise", (table,), panels, (remark,))
+    return Study("noise", table, panels, (remark,))
 
 
 def _lines(table: Table, name: str) -> list[Line]:

@@ -15,8 +15,8 @@ from retrue.geometry.transform import RigidTransform, direction_angle, rotation_
 from retrue.geometry.two_view import TwoViewPoints, TwoViewPose, cramer_rao_bound
 from retrue.rig import Rig
 
-CAMERA = Camera((1280, 960), [[1600, 0, 639.5], [0, 1600, 479.5], [0, 0, 1]])
-PROJECTOR = Camera((1024, 768), [[1400, 0, 511.5], [0, 1400, 700], [0, 0, 1]])
+CAMERA = Camera((1280, 960), np.array([[1600, 0, 639.5], [0, 1600, 479.5], [0, 0, 1]]))
+PROJECTOR = Camera((1024, 768), np.array([[1400, 0, 511.5], [0, 1400, 700], [0, 0, 1]]))
 SMALLEST_FOLD = np.radians(1.0)
 
 
@@ -119,5 +119,3 @@ class Setup:
         length = float(np.linalg.norm(transform.t))
         pose = TwoViewPose(transform.R, transform.t / length, n[None] * length)
         return PlaneScene(rig, pose, camera_px, projector_px)
-
-

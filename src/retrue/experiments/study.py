@@ -1,4 +1,4 @@
-"""What an experiment answers: tables, and the charts that show them."""
+"""What an experiment answers: a table, and the charts that show it."""
 
 from __future__ import annotations
 
@@ -84,13 +84,13 @@ class Study:
     Attributes
     ----------
     name : of the experiment; files are named after it.
-    tables : the first is what the charts show.
+    table : all figures.
     panels : the charts, side by side.
     remarks : sentences that the tables bear out.
     """
 
     name: str
-    tables: tuple[Table, ...]
+    table: Table
     panels: tuple[Panel, ...]
     remarks: tuple[str, ...] = ()
 

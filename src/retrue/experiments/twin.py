@@ -50,7 +50,10 @@ def all_cells() -> list[Cell]:
     """Every cue by itself, the old rig telling nothing, and the old rig by itself."""
     return [
         *(Cell("cheirality", span=span) for span in (1.0, 0.6, 0.3, 0.1)),
-        *(Cell("points off the plane", off_points=n, offset=d) for n, d in product((5, 20, 60), (0.002, 0.005, 0.02, 0.1))),
+        *(
+            Cell("points off the plane", off_points=n, offset=d)
+            for n, d in product((5, 20, 60), (0.002, 0.005, 0.02, 0.1))
+        ),
         *(Cell("second plane", second_plane_deg=angle) for angle in (2.0, 5.0, 15.0, 45.0)),
         *(Cell("old direction of t", drift_deg=angle) for angle in (0.0, 10.0, 20.0, 30.0, 45.0)),
     ]
@@ -67,8 +70,8 @@ def twin(
     """Random rigs and planes; `recalibrate` on what they show.
 
     Table columns, in percent of the trials: `accepted`; of these `wrong`, nearer to the twin than to the truth;
-    `cannot tell`, refused because of the twins; `refused`, for another reason. `both in front`: cheirality cannot choose.
-    `prior_wrong`: the old direction of t is nearer to that of the twin.
+    `cannot tell`, refused because of the twins; `refused`, for another reason. `both in front`: cheirality cannot
+    choose. `prior_wrong`: the old direction of t is nearer to that of the twin.
     """
     cells = all_cells() if cells is None else cells
     results = run_trials(_trial, cells, trials, seed, workers=workers, progress=progress)
@@ -89,13 +92,15 @@ def twin(
         _panel(table, "second plane", "angle_deg", "angle between the planes, deg", "cannot_tell_%"),
         _panel(table, "old direction of t", "drift_deg", "drift, deg", "cannot_tell_%"),
     )
-    return Study("twin", (table,), panels, (f"wrong and accepted: {wrong} of {total} captures",))
+    return Study("twin", table, panels, (f"wrong and accepted: {wrong} of {total} captures",))
 
 
 def _panel(table: Table, cue: str, x: str, label: str, y: str, split: str | None = None) -> Panel:
     part = table.where(cue=cue)
     parts = (
-        {y: part} if split is None else {f"{value} points": part.where(**{split: value}) for value in part.column(split)}
+        {y: part}
+        if split is None
+        else {f"{value} points": part.where(**{split: value}) for value in part.column(split)}
     )
     lines = [Line(name, _numbers(rows, x), _numbers(rows, y)) for name, rows in parts.items()]
     return Panel(cue, label, y.replace("_", " ").replace(" %", ", %"), lines, log_x=split is not None)
