@@ -18,6 +18,7 @@ from retrue.cli.convert import Convert
 from retrue.cli.decode import Decode
 from retrue.cli.demo import Demo
 from retrue.cli.diff import Diff
+from retrue.cli.experiment import Experiment
 from retrue.cli.history import History
 from retrue.cli.known_distance import registry
 from retrue.cli.pattern import Pattern
@@ -41,6 +42,7 @@ Commands = (
     | Annotated[Rollback, tyro.conf.subcommand("rollback")]
     | Annotated[Diff, tyro.conf.subcommand("diff")]
     | Annotated[Convert, tyro.conf.subcommand("convert")]
+    | Annotated[Experiment, tyro.conf.subcommand("experiment")]
 )
 DESCRIPTION = "Recalibrate a camera-projector rig from one picture, and know how sure the answer is."
 INTERRUPTED = 130  # as a shell reports SIGINT

@@ -1,0 +1,106 @@
+"""`retrue experiment`."""
+
+from __future__ import annotations
+
+import sys
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any, Literal
+
+from tyro.conf import Positional, arg
+
+from retrue.cli.command import Command, Outcome, made_folder, read_captures
+from retrue.errors import InputError
+
+if TYPE_CHECKING:
+    from retrue.experiments.study import Study
+
+Name = Literal["ambiguity", "noise", "peers", "twin", "real"]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Experiment(Command):
+    """Rerun an experiment: a table to stdout, and its CSV and figure (SVG, PNG) to a folder.
+
+    Attributes
+    ----------
+    name
+        ambiguity: how many poses explain a plane. noise: errors against noise, for the paper's solver and others.
+        peers: RMSE over the Cramer-Rao bound, us and others. twin: how the twin poses are told apart. real: captures
+        against a static calibration.
+    captures
+        For `real`: captures of the rig.
+    rig
+        For `real`: its static calibration.
+    pattern
+        For `real`: what the projector showed.
+    trials
+        Random trials of each cell of the table; as many as the published figures took by default.
+    seed
+        The same seed gives the same figures, on any number of cores.
+    workers
+        Processes; all cores by default.
+    out
+        Folder for the files.
+    """
+
+    name: Positional[Name]
+    captures: Positional[Annotated[tuple[Path, ...], arg(metavar="CAPTURE...")]] = ()
+    rig: Annotated[Path | None, arg(metavar="RIG.json")] = None
+    pattern: Annotated[Path | None, arg(metavar="P.json")] = None
+    trials: int | None = None
+    seed: int = 0
+    workers: int | None = None
+    out: Annotated[Path, arg(metavar="DIR")] = Path("experiment-out")
+
+    def run(self) -> Outcome:
+        from retrue.files.atomic import replaced_file
+        from retrue.report.charts import line_charts
+
+        for name, value in (("trials", self.trials), ("workers", self.workers)):
+            if value is not None and not value >= 1:
+                raise InputError(f"--{name}: expected at least 1, found {value}")
+        folder = made_folder(self.out)
+        study = self._study()
+        files = {"csv": study.table.csv().encode(), **line_charts(study.panels)}
+        paths = {kind: folder / f"{study.name}.{kind}" for kind in files}
+        for kind, content in files.items():
+            with replaced_file(paths[kind]) as stream:
+                stream.write(content)
+        text = "\n".join([study.table.text(), *study.remarks, f"written to {folder}"])
+        report = {"experiment": study.name, "files": [str(path) for path in paths.values()], "remarks": study.remarks}
+        return Outcome(report, text)
+
+    def _study(self) -> Study:
+        count: dict[str, Any] = {} if self.trials is None else {"trials": self.trials}
+        if self.name == "real":
+            return self._real(count)
+        from retrue.experiments.against_peers import peers
+        from retrue.experiments.ambiguity import ambiguity
+        from retrue.experiments.noise import noise
+        from retrue.experiments.twin import twin
+
+        run = {"ambiguity": ambiguity, "noise": noise, "peers": peers, "twin": twin}[self.name]
+        return run(seed=self.seed, workers=self.workers, progress=_progress(self.name), **count)
+
+    def _real(self, count: dict[str, Any]) -> Study:
+        from retrue.experiments.real import real
+        from retrue.files.rigs import read_rig
+
+        if self.rig is None:
+            raise InputError("experiment real: expected --rig, the static calibration to compare with")
+        captures = read_captures(self.captures, self.pattern)
+        names = [path.name for path in self.captures]
+        return real(read_rig(self.rig), dict(zip(names, captures, strict=True)), seed=self.seed, **count)
+
+
+def _progress(name: str) -> Any:
+    """A line that is written over; none where stderr is no terminal."""
+    if not sys.stderr.isatty():
+        return None
+
+    def show(done: int, total: int) -> None:
+        end = "\n" if done == total else ""
+        print(f"\r{name}: {100 * done // total} %", end=end, file=sys.stderr, flush=True)
+
+    return show

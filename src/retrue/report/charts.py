@@ -1,0 +1,87 @@
+"""Line charts, as SVG and PNG."""
+
+from __future__ import annotations
+
+import io
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, Any, Protocol
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+COLUMNS = 3
+MARKERS = "osv^D<>PX*"
+
+
+class LineLike(Protocol):
+    """One curve; `error` is half the length of the error bars."""
+
+    @property
+    def label(self) -> str: ...
+    @property
+    def x(self) -> Sequence[float]: ...
+    @property
+    def y(self) -> Sequence[float]: ...
+    @property
+    def error(self) -> Sequence[float] | None: ...
+
+
+class PanelLike(Protocol):
+    """One set of axes."""
+
+    @property
+    def title(self) -> str: ...
+    @property
+    def x_label(self) -> str: ...
+    @property
+    def y_label(self) -> str: ...
+    @property
+    def lines(self) -> Sequence[LineLike]: ...
+    @property
+    def log_x(self) -> bool: ...
+    @property
+    def log_y(self) -> bool: ...
+
+
+def line_charts(panels: Sequence[PanelLike]) -> dict[str, bytes]:
+    """The panels side by side, under "svg" and "png"; the same panels give the same bytes."""
+    from matplotlib import rc_context
+
+    with rc_context({"svg.hashsalt": "retrue", "svg.fonttype": "none"}):
+        figure = _drawn(panels)
+        return {kind: _saved(figure, kind) for kind in ("svg", "png")}
+
+
+def _drawn(panels: Sequence[PanelLike]) -> Figure:
+    from matplotlib.figure import Figure
+
+    columns = min(COLUMNS, len(panels))
+    rows = -(-len(panels) // columns)
+    figure = Figure(figsize=(4.6 * columns, 3.6 * rows + 0.9), layout="constrained")
+    axes: Any = figure.subplots(rows, columns, squeeze=False).ravel()
+    for axis, panel in zip(axes, panels, strict=False):
+        for line, marker in zip(panel.lines, MARKERS * 2, strict=False):
+            axis.errorbar(line.x, line.y, line.error, label=line.label, marker=marker, markersize=4, linewidth=1)
+        axis.set_title(panel.title, fontsize=10)
+        axis.set_xlabel(panel.x_label)
+        axis.set_ylabel(panel.y_label)
+        if panel.log_x:
+            axis.set_xscale("log")
+        if panel.log_y:
+            axis.set_yscale("log")
+        axis.grid(alpha=0.3)
+    for axis in axes[len(panels) :]:
+        axis.set_axis_off()
+    if len({tuple(line.label for line in panel.lines) for panel in panels}) == 1:
+        handles, labels = axes[0].get_legend_handles_labels()
+        figure.legend(handles, labels, loc="outside lower center", ncols=3, fontsize=8)
+    else:
+        for axis in axes[: len(panels)]:
+            axis.legend(fontsize=7)
+    return figure
+
+
+def _saved(figure: Figure, kind: str) -> bytes:
+    stream = io.BytesIO()
+    figure.savefig(stream, format=kind, dpi=110, metadata={"Date": None} if kind == "svg" else None)
+    return stream.getvalue()
