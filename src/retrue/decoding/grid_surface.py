@@ -99,7 +99,7 @@ def in_squares(joints: Joints) -> BoolArray:
 def whole_blocks(shape: FloatArray, position: FloatArray, joints: Joints) -> BoolArray:
     """(rows, columns) blocks that are as wide, and as high, as their neighbours, measured in steps of the grid.
 
-    `shape` (rows, columns, 2, 2) are the second moments M of the blocks; those in grid units are J^-1 M J^-T, J the steps.
+    `shape` (rows, columns, 2, 2) are the second moments M of the blocks; in grid units, J^-1 M J^-T with J the steps.
     """
     right, down, _ = slopes(position, joints)
     determinant = right[..., 0] * down[..., 1] - right[..., 1] * down[..., 0]
