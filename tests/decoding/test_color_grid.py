@@ -89,7 +89,7 @@ def test_objects_in_front_give_no_wrong_point():
         [
             wall(),
             Sphere(np.array([-60.0, 20.0, 1250.0]), 110.0, Paint((0.5, 0.6, 0.8))),
-            Box(RigidTransform.from_rotation_vector([0.2, 0.5, 0.3], [150, -40, 1300]), (120, 140, 60)),
+            Box(RigidTransform.from_rotation_vector([0.2, 0.5, 0.3], [150, -20, 1250]), (130, 140, 60)),
         ]
     )
     truth = picture(scene)

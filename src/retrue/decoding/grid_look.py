@@ -101,12 +101,11 @@ def _on_surfaces(
     code: Code, blocks: Blocks, links: Links, place: IntArray, right: BoolArray, holder: IntArray
 ) -> tuple[IntArray, Joints]:
     """`holder` without the blocks whose size, or distance from their neighbours, is not their surface's; and joints."""
-    area = 12 * np.sqrt(np.maximum(np.linalg.det(blocks.shape), 0.0))
     joints = joined_places(links, place, holder)
     for _ in range(2):
         position = held_by(holder, blocks.centre, np.nan)
         joints = sound_joints(position, joined_places(links, place, holder))
-        keep = in_squares(joints) & whole_blocks(held_by(holder, area, np.nan), position, joints)
+        keep = in_squares(joints) & whole_blocks(held_by(holder, blocks.shape, np.nan), position, joints)
         keep &= patch_evidence(code, joints, keep, held_by(holder, right, False)) > SIGNIFICANCE
         holder = np.where(keep, holder, NONE)
     return holder, joints.between(holder >= 0)

@@ -14,7 +14,7 @@ CREASE = 0.1  # change of the pitch from one block to the next that no smooth su
 OUTLIER_SIGMAS = 5.0
 LEAST_SIGMA = 0.02  # px
 STEP_CHANGE = 0.25  # of a step, to the most similar step beside it or before or after it, on one surface
-SIZE_CHANGE = 1.4  # of a block's area, to what the steps to its neighbours make it
+SIDE_CHANGE, PIXELS_CHANGE = 1.15, 1.0  # of a block, from its neighbours on one surface; and that many px / its side
 Scalar = TypeVar("Scalar", bound=np.generic)
 DIRECTIONS = ((0, 1), (1, 0), (1, 1), (1, -1))
 
@@ -34,6 +34,11 @@ class Joints:
         """(rows, columns) blocks that are linked to all four of their neighbours."""
         right, down = np.pad(self.right, ((0, 0), (1, 1))), np.pad(self.down, ((1, 1), (0, 0)))
         return right[:, :-1] & right[:, 1:] & down[:-1] & down[1:]
+
+    def towards(self, direction: tuple[int, int]) -> BoolArray:
+        """The same as `step`, also backwards along rows and columns."""
+        back = (-direction[0], -direction[1])
+        return self.step(direction) if min(direction) >= 0 else shifted(self.step(back), direction, False)
 
     def step(self, direction: tuple[int, int]) -> BoolArray:
         """(rows, columns) whether each is linked to the one in `direction` (down, right), diagonals over a corner."""
@@ -91,17 +96,31 @@ def in_squares(joints: Joints) -> BoolArray:
     return padded[:-1, :-1] | padded[:-1, 1:] | padded[1:, :-1] | padded[1:, 1:]
 
 
-def whole_blocks(area: FloatArray, position: FloatArray, joints: Joints) -> BoolArray:
-    """(rows, columns) blocks whose `area` goes with the steps to their neighbours as it does all over the picture."""
+def whole_blocks(shape: FloatArray, position: FloatArray, joints: Joints) -> BoolArray:
+    """(rows, columns) blocks that are as wide, and as high, as their neighbours, measured in steps of the grid.
+
+    `shape` (rows, columns, 2, 2) are the second moments M of the blocks; in grid units, J^-1 M J^-T with J the steps.
+    """
     right, down, _ = slopes(position, joints)
-    cell = np.abs(right[..., 0] * down[..., 1] - right[..., 1] * down[..., 0])
+    determinant = right[..., 0] * down[..., 1] - right[..., 1] * down[..., 0]
     with np.errstate(divide="ignore", invalid="ignore"):
-        share = area / cell
-    known = np.isfinite(share)
+        across = np.stack([down[..., 1], -down[..., 0]], axis=-1) / determinant[..., None]  # rows of J^-1
+        along = np.stack([-right[..., 1], right[..., 0]], axis=-1) / determinant[..., None]
+        rows = np.stack([across, along], axis=-2)
+        side = np.sqrt(np.einsum("rcki,rcij,rckj->rck", rows, shape, rows))
+    known = np.isfinite(side).all(axis=-1)
     if not known.any():
         return known
-    usual = np.median(share[known])
-    return known & (share < SIZE_CHANGE * usual) & (share > usual / SIZE_CHANGE)
+    usual = np.median(side[known], axis=0)
+    neighbours = [
+        np.where(linked[..., None], shifted(side, direction, np.nan), np.nan)
+        for direction, linked in ((step, joints.towards(step)) for step in ((0, 1), (0, -1), (1, 0), (-1, 0)))
+    ]
+    like = np.stack(neighbours)
+    like = np.median(np.where(np.isfinite(like), like, usual), axis=0)
+    pixels = 12**0.5 * like * np.stack([np.linalg.norm(right, axis=-1), np.linalg.norm(down, axis=-1)], axis=-1)
+    change = SIDE_CHANGE + PIXELS_CHANGE / np.maximum(pixels, 1.0)
+    return known & ((side < change * like) & (side > like / change)).all(axis=-1)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
