@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from retrue.errors import FileError
-from retrue.files.images import write_image
+from retrue.files.png import write_png
 from retrue.files.video import read_video
 from retrue.watch.folder import FolderSource
 from retrue.watch.frame_queue import FrameQueue
@@ -27,7 +27,7 @@ PNG = cv2.imencode(".png", PICTURE)[1].tobytes()
 
 def drop(folder: Path, *names: str) -> None:
     for name in names:
-        write_image(folder / name, PICTURE)
+        write_png(folder / name, PICTURE)
 
 
 def taken(source: FolderSource) -> list:
