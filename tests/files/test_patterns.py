@@ -106,7 +106,7 @@ def test_wrong_gray_code(tmp_path, change, complaint):
         ({"pitch": "19"}, "finite number"),
         ({"origin": [3, 12]}, "blocks outside the projector: its columns"),
         ({"origin": [10.5, 40]}, "blocks outside the projector: its rows"),
-        ({"origin": [float("nan"), 12]}, "finite number"),
+        ({"origin": [float("nan"), 12]}, "NaN"),
     ],
 )
 def test_wrong_color_grid(tmp_path, change, complaint):

@@ -90,7 +90,7 @@ def test_a_value_out_of_range_is_named(tmp_path):
         (b"", "found no column camera_x"),
         (b"1,2,3,4\n", "found no column camera_x"),
         (b"camera_x,camera_y,projector_x\n1,2,3\n", "found no column projector_y"),
-        (b"\x89PNG\r\n\x1a\n\xff\xfe", "bytes that are not text"),
+        (b"\x89PNG\r\n\x1a\n\xff\xfe", "expected text"),
     ],
 )
 def test_what_is_no_points_file(tmp_path, content, complaint):

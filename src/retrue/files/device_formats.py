@@ -60,12 +60,12 @@ MRCAL_MODELS = {f"LENSMODEL_OPENCV{count}": count for count in (4, 5, 8, 12)} | 
 
 def is_mrcal(text: str) -> bool:
     """Whether this is a cameramodel: the text of a Python dictionary with a lens model."""
-    return re.search(r"""^[\s{]*["']lensmodel["']\s*:""", text, re.MULTILINE) is not None
+    return re.search(r"""^[ \t{]*["']lensmodel["']\s*:""", text, re.MULTILINE) is not None
 
 
 def camera_from_mrcal(path: Path, text: str) -> Camera:
     """The device. The file is Python text; only the entries that we need are looked for, nothing is evaluated."""
-    text = re.sub(r"^\s*#.*$", "", text, flags=re.MULTILINE)
+    text = re.sub(r"^[ \t]*#.*$", "", text, flags=re.MULTILINE)
     model = re.search(r"""["']lensmodel["']\s*:\s*["']([\w.=-]{1,200})["']""", text)
     name = model[1] if model else "none"
     if name not in MRCAL_MODELS:
@@ -109,7 +109,7 @@ def _ros_matrix(name: str, matrix: FloatArray) -> str:
 
 
 def _mrcal_numbers(path: Path, text: str, name: str) -> FloatArray:
-    found = re.search(rf"""["']{name}["']\s*:\s*[\[(]([^\])]*)[\])]""", text)
+    found = re.search(rf"""["']{name}["']\s*:\s*[\[(]([^\[\](){{}}]*)[\])]""", text)
     words = re.sub(r"#.*", "", found[1]).replace(",", " ").split() if found else []
     try:
         numbers = [float(word) for word in words[:100]]

@@ -9,6 +9,8 @@ from typing import BinaryIO
 
 from retrue.errors import FileError
 
+MOST_MARKERS = 10_000  # of a JPEG, before its picture; fill bytes count too
+
 
 @dataclass(frozen=True, slots=True)
 class ImageHeader:
@@ -50,7 +52,7 @@ def _bmp(start: bytes) -> ImageHeader:
 
 def _jpeg(stream: BinaryIO) -> ImageHeader:
     stream.seek(2)
-    while True:
+    for _ in range(MOST_MARKERS):
         marker = stream.read(2)
         if len(marker) < 2 or marker[0] != 0xFF:
             raise ValueError("no marker")
@@ -63,6 +65,7 @@ def _jpeg(stream: BinaryIO) -> ImageHeader:
             _, height, width, channels = struct.unpack(">BHHB", stream.read(6))
             return ImageHeader((width, height), channels)
         stream.seek(length - 2, 1)
+    raise ValueError("no frame")
 
 
 def _tiff(stream: BinaryIO, order: str) -> ImageHeader:

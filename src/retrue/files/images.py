@@ -12,11 +12,17 @@ import numpy as np
 
 from retrue.errors import CaptureError, FileError
 from retrue.files.image_header import ImageHeader, read_image_header
+from retrue.files.text import read_bytes
 from retrue.geometry.arrays import Image
 
 SUFFIXES = frozenset({".png", ".jpg", ".jpeg", ".bmp", ".tif", ".tiff"})
 MAX_PIXELS = 200_000_000
 MAX_PICTURES = 1000
+MAX_FOLDER_PIXELS = 4_000_000_000
+BYTES_A_PIXEL = 8  # at most, uncompressed
+METADATA_BYTES = 2**26
+MOST_PIXELS_A_BYTE = 10_000  # that any compression packs; beyond it most of the picture must be missing
+MOST_SCANS = 500  # of a progressive JPEG; each makes the decoder go over all pixels, and takes ten bytes
 
 
 def read_image(path: str | Path, *, grey: bool = False) -> Image:
@@ -69,6 +75,12 @@ def read_folder(path: str | Path, *, color: Sequence[int] = ()) -> tuple[list[Im
     with ThreadPoolExecutor(2) as threads:
         headers = list(threads.map(_checked_header, paths))
         _require_one_size(folder, paths, [header.size for header in headers])
+        width, height = headers[0].size
+        if not len(paths) * width * height <= MAX_FOLDER_PIXELS:
+            raise CaptureError(
+                folder,
+                f"expected one capture, found {len(paths)} pictures of {width} x {height} pixels: too much to hold",
+            )
         in_color = {index % len(paths) for index in color if -len(paths) <= index < len(paths)}
         grey = [index not in in_color for index in range(len(paths))]
         images = list(threads.map(_decoded, paths, headers, grey))
@@ -101,6 +113,13 @@ def picture_paths(folder: Path) -> list[Path]:
     return sorted(paths, key=lambda entry: (natural_key(entry.name), entry.name))
 
 
+def _content(path: Path, limit: int) -> bytes:
+    content = read_bytes(path, limit)
+    if content.startswith(b"\xff\xd8") and content.count(b"\xff\xda") > MOST_SCANS:
+        raise FileError(path, f"expected a JPEG of at most {MOST_SCANS} scans, found more")
+    return content
+
+
 def _require_one_size(folder: Path, paths: Sequence[Path], sizes: Sequence[tuple[int, int]]) -> None:
     usual = max(set(sizes), key=sizes.count)
     odd = [(entry.name, size) for entry, size in zip(paths, sizes, strict=True) if size != usual]
@@ -126,10 +145,11 @@ def _decoded(path: Path, header: ImageHeader, grey: bool) -> Image:
 
     flags = cv2.IMREAD_ANYDEPTH | cv2.IMREAD_IGNORE_ORIENTATION
     flags |= cv2.IMREAD_GRAYSCALE if grey or header.channels == 1 else cv2.IMREAD_COLOR
+    content = _content(path, BYTES_A_PIXEL * header.size[0] * header.size[1] + METADATA_BYTES)
+    if header.size[0] * header.size[1] > MOST_PIXELS_A_BYTE * len(content):
+        raise FileError(path, "not a picture that can be read: damaged or cut short")
     try:
-        image = cast("Image | None", cv2.imdecode(np.fromfile(path, dtype=np.uint8), flags))
-    except OSError as error:
-        raise FileError(path, f"cannot be read: {error.strerror or error}") from error
+        image = cast("Image | None", cv2.imdecode(np.frombuffer(content, dtype=np.uint8), flags))
     except cv2.error as error:
         raise FileError(path, f"not a picture that can be read: {error.err}") from error
     if image is None or image.shape[:2] != header.size[::-1]:

@@ -10,12 +10,15 @@ from typing import Any, cast
 
 from retrue.errors import FileError, InputError
 from retrue.files.atomic import replaced_file
+from retrue.files.rig_json import parse_json, shown
+from retrue.files.text import read_text
 from retrue.patterns.color_grid import ColorGrid
 from retrue.patterns.gray_code import MAX_PROJECTOR_SIDE, ORDER, GrayCode
 from retrue.patterns.pattern import Pattern
 
-MAX_BYTES = 64 * 2**20
+MAX_BYTES = 4 * 2**20  # a million blocks; as parsed JSON up to thirty times as much
 MAX_COLORS = 256
+LARGEST = 1e9  # of any number; a whole one may be too large to be a float
 
 
 def read_pattern(path: str | Path) -> Pattern:
@@ -30,15 +33,15 @@ def read_pattern(path: str | Path) -> Pattern:
     spec = _read_object(path)
     try:
         if spec.get("format") != "retrue-pattern":
-            raise InputError(f'expected "format": "retrue-pattern", found {_shown(spec.get("format"))}')
+            raise InputError(f'expected "format": "retrue-pattern", found {shown(spec.get("format"))}')
         if spec.get("version") != 1:
-            raise InputError(f'expected "version": 1, found {_shown(spec.get("version"))}')
+            raise InputError(f'expected "version": 1, found {shown(spec.get("version"))}')
         kind = spec.get("kind")
         if kind == "gray-code":
             return _gray_code(spec)
         if kind == "color-grid":
             return _color_grid(spec)
-        raise InputError(f'expected "kind": "gray-code" or "color-grid", found {_shown(kind)}')
+        raise InputError(f'expected "kind": "gray-code" or "color-grid", found {shown(kind)}')
     except InputError as error:
         raise FileError(path, f"not a pattern: {error}") from error
 
@@ -60,26 +63,17 @@ def write_pattern(path: str | Path, pattern: Pattern) -> None:
 
 
 def _read_object(path: Path) -> Mapping[str, Any]:
+    text = read_text(path, MAX_BYTES)
     try:
-        with path.open("rb") as stream:
-            content = stream.read(MAX_BYTES + 1)
-    except OSError as error:
-        raise FileError(path, f"cannot be read: {error.strerror or error}") from error
-    if len(content) > MAX_BYTES:
-        raise FileError(path, f"not a pattern: larger than {MAX_BYTES // 2**20} MB")
-    try:
-        value = json.loads(content)
-    except (ValueError, RecursionError) as error:
-        raise FileError(path, f"not a pattern: not JSON ({_first_line(error)})") from error
-    if not isinstance(value, dict):
-        raise FileError(path, f"not a pattern: expected a JSON object, found {_shown(value)}")
-    return cast(Mapping[str, Any], value)
+        return parse_json(path, text)
+    except FileError as error:
+        raise FileError(path, f"not a pattern: {error.problem}") from error
 
 
 def _gray_code(spec: Mapping[str, Any]) -> GrayCode:
     order = _required(spec, "order")
     if order != ORDER:
-        raise InputError(f'order: expected "{ORDER}", found {_shown(order)}')
+        raise InputError(f'order: expected "{ORDER}", found {shown(order)}')
     width, height = _projector_size(spec)
     first_column, first_row = _whole_numbers(spec.get("offset", [0, 0]), "offset", 2, 0, MAX_PROJECTOR_SIDE - 1)
     step = _whole(spec.get("step", 1), "step", 1, min(width, height))
@@ -132,7 +126,7 @@ def _required(spec: Mapping[str, Any], key: str) -> Any:
 
 def _items(value: Any, name: str, exactly: int | None = None, at_most: int | None = None) -> Sequence[Any]:
     if not isinstance(value, list):
-        raise InputError(f"{name}: expected a list, found {_shown(value)}")
+        raise InputError(f"{name}: expected a list, found {shown(value)}")
     items = cast(list[Any], value)
     if exactly is not None and len(items) != exactly:
         raise InputError(f"{name}: expected {exactly} values, found {len(items)}")
@@ -147,15 +141,15 @@ def _whole_numbers(value: Any, name: str, count: int, low: int, high: int) -> li
 
 def _whole(value: Any, name: str, low: int, high: int) -> int:
     if not (isinstance(value, (int, float)) and not isinstance(value, bool) and value == math.floor(value)):
-        raise InputError(f"{name}: expected a whole number, found {_shown(value)}")
+        raise InputError(f"{name}: expected a whole number, found {shown(value)}")
     if not low <= value <= high:
-        raise InputError(f"{name}: expected {low} to {high}, found {_shown(value)}")
+        raise InputError(f"{name}: expected {low} to {high}, found {shown(value)}")
     return int(value)
 
 
 def _number(value: Any, name: str) -> float:
-    if not (isinstance(value, (int, float)) and not isinstance(value, bool) and math.isfinite(value)):
-        raise InputError(f"{name}: expected a finite number, found {_shown(value)}")
+    if not (isinstance(value, (int, float)) and not isinstance(value, bool) and -LARGEST <= value <= LARGEST):
+        raise InputError(f"{name}: expected a finite number, found {shown(value)}")
     return float(value)
 
 
@@ -164,13 +158,3 @@ def _positive(value: Any, name: str) -> float:
     if not number > 0:
         raise InputError(f"{name}: expected a positive number, found {number:g}")
     return number
-
-
-def _shown(value: Any) -> str:
-    """A value as JSON, cut so that it fits on the line of an error."""
-    text = json.dumps(value)
-    return text if len(text) <= 40 else text[:37] + "..."
-
-
-def _first_line(error: Exception) -> str:
-    return str(error).splitlines()[0] if str(error) else type(error).__name__

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import json
+import math
+from collections import Counter
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, NoReturn, cast
@@ -17,12 +19,14 @@ from retrue.rig import Rig
 
 FORMAT = "retrue-rig"
 VERSION = 1
+LONGEST_UNIT = 40  # characters
+LONGEST_SHOWN = 40
 
 
 def parse_json(path: Path, text: str) -> dict[str, Any]:
-    """The JSON object in `text`: strict, so no NaN, no key twice; a `FileError` names `path`."""
+    """The JSON object in `text`: strict, so no NaN, no infinity, no key twice; a `FileError` names `path`."""
     try:
-        value = json.loads(text, parse_constant=_no_constant, object_pairs_hook=_no_key_twice)
+        value = json.loads(text, parse_constant=_no_constant, parse_float=_finite, object_pairs_hook=_no_key_twice)
     except (ValueError, RecursionError) as error:
         raise FileError(path, f"expected JSON, found {error}") from error
     if not isinstance(value, dict):
@@ -34,10 +38,10 @@ def rig_from_json(path: Path, document: Mapping[str, Any]) -> Rig:
     """The rig in a parsed document of `FORMAT`; a `FileError` names file and key."""
     version = document.get("version")
     if type(version) is not int or version != VERSION:
-        raise FileError(path, f"version: expected {VERSION}, found {version!r}; a newer retrue may read it")
+        raise FileError(path, f"version: expected {VERSION}, found {shown(version)}; a newer retrue may read it")
     unit = _member(path, document, "unit")
-    if not (isinstance(unit, str) and unit.strip()):
-        raise FileError(path, f'unit: expected the name of the unit of length, such as "mm", found {unit!r}')
+    if not (isinstance(unit, str) and unit.strip() and unit.isprintable() and len(unit) <= LONGEST_UNIT):
+        raise FileError(path, f'unit: expected the name of the unit of length, such as "mm", found {shown(unit)}')
     evidence = document.get("evidence", {})
     if not isinstance(evidence, dict):
         raise FileError(path, f"evidence: expected an object, found {_kind(evidence)}")
@@ -116,15 +120,37 @@ def _is_numbers(value: Any, depth: int = 0) -> bool:
     return depth > 0 and isinstance(value, int | float) and not isinstance(value, bool)
 
 
+def shown(value: Any) -> str:
+    """A parsed value as JSON, cut so that it fits on the line of an error, and not written any further.
+
+    >>> shown([["a\\n"], 1e3, None]), len(shown([[0]] * 10**6))
+    ('[["a\\\\n"], 1000.0, null]', 40)
+    """
+    text = ""
+    for piece in json.JSONEncoder().iterencode(value):
+        text += piece
+        if len(text) > LONGEST_SHOWN:
+            return text[: LONGEST_SHOWN - 3] + "..."
+    return text
+
+
 def _no_constant(token: str) -> NoReturn:
     raise ValueError(f"{token}, which is no number")
+
+
+def _finite(digits: str) -> float:
+    number = float(digits)
+    if not math.isfinite(number):
+        raise ValueError(f"{digits[:LONGEST_SHOWN]}, which is no finite number")
+    return number
 
 
 def _no_key_twice(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
     members = dict(pairs)
     if len(members) != len(pairs):
         keys = [key for key, _ in pairs]
-        raise ValueError(f"the key {max(keys, key=keys.count)!r} twice")
+        twice = next(key for key, count in Counter(keys).items() if count > 1)
+        raise ValueError(f"the key {twice[:LONGEST_SHOWN]!r} twice")
     return members
 
 

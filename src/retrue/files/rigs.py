@@ -26,7 +26,7 @@ from retrue.geometry.camera import Camera
 from retrue.geometry.transform import RigidTransform
 from retrue.rig import Rig
 
-LARGEST_RIG_FILE = 16 * 2**20  # bytes
+LARGEST_RIG_FILE = 4 * 2**20  # bytes; as parsed JSON up to thirty times as much
 DEVICE_FORMATS = ("ros-camera", "ros-projector", "mrcal-camera", "mrcal-projector")
 RIG_FORMATS = ("retrue", *(tool.name for tool in TOOL_FORMATS), *DEVICE_FORMATS)
 SYNTAXES: dict[str, Syntax] = {".xml": "xml", ".json": "json", ".yml": "yaml", ".yaml": "yaml"}

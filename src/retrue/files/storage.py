@@ -24,7 +24,8 @@ from retrue.geometry.arrays import FloatArray
 Syntax = Literal["yaml", "xml", "json"]
 Value = FloatArray | float | int | str
 
-NUMBER = re.compile(r"[-+]?(\d+\.?\d*|\.\d+)([eE][-+]?\d+)?")
+NUMBER = re.compile(r"[-+]?([0-9]+\.?[0-9]*|\.[0-9]+)([eE][-+]?[0-9]+)?")
+MOST_SIDES = 8  # of a matrix
 LARGEST_MATRIX = 10_000  # numbers; a rig has no matrix of more than 12
 
 
@@ -111,7 +112,7 @@ def storage_text(entries: Mapping[str, Value], syntax: Syntax) -> str:
 # Reading
 
 YAML_KEY = re.compile(r"""^["']?([A-Za-z_][\w.-]*)["']?[ \t]*:(?=[ \t\r]|$)""")
-YAML_FIELD = re.compile(r"^\s*(rows|cols|sizes|dt|data)\s*:", re.MULTILINE)
+YAML_FIELD = re.compile(r"^[ \t]*(rows|cols|sizes|dt|data)[ \t]*:", re.MULTILINE)
 
 
 def _yaml_entries(text: str) -> dict[str, Entry]:
@@ -137,7 +138,7 @@ def _yaml_entry_of(block: str) -> Entry:
 
 
 def _xml_entries(path: Path, text: str) -> dict[str, Entry]:
-    if "<!" in re.sub(r"<!--.*?-->", "", text, flags=re.DOTALL):
+    if re.search(r"<!(?!--)", text):
         raise FileError(path, "expected OpenCV's XML, found a declaration (<!...); such files are not read")
     try:
         root = ElementTree.fromstring(text)
@@ -173,13 +174,13 @@ def _json_words(value: Any, depth: int = 0) -> tuple[str, ...]:
 def _words(text: str) -> tuple[str, ...]:
     """The words of a flow list, a block list, a scalar or an XML text."""
     text = re.sub(r"(^|\s)#.*|!![\w-]+", " ", text)
-    text = re.sub(r"^\s*-\s+", " ", text, flags=re.MULTILINE)
+    text = re.sub(r"^[ \t]*-[ \t]+", " ", text, flags=re.MULTILINE)
     return tuple(re.sub(r"[\[\],]", " ", text).split())
 
 
 def _shape(fields: Mapping[str, Iterable[str]]) -> tuple[int, ...] | None:
     sides = [word for name in ("rows", "cols", "sizes") for word in fields.get(name, ())]
-    if not all(re.fullmatch(r"\d{1,9}", side) for side in sides):
+    if len(sides) > MOST_SIDES or not all(re.fullmatch(r"[0-9]{1,9}", side) for side in sides):
         return (-1,)  # fits no matrix
     return tuple(int(side) for side in sides) or None
 
