@@ -147,7 +147,8 @@ def _trial(cell: Cell, rng: np.random.Generator) -> FloatArray:
             rotation: FloatArray = np.linalg.norm(errors[:, :3], axis=1) / sigmas[0]
             translation: FloatArray = np.linalg.norm(errors[:, 3:], axis=1) / sigmas[1]
             nearest = int(np.argmin(rotation**2 + translation**2))
-            best, relative = errors[nearest], (float(rotation[nearest]), float(translation[nearest]))
+            best: FloatArray = errors[nearest]
+            relative = float(rotation[nearest]), float(translation[nearest])
             if covariance is not None:
                 nees = float(best @ np.linalg.solve(covariance, best))
             rows.append((*relative, float(max(relative) > FAILED), nees, holds, elapsed))
