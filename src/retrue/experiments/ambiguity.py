@@ -11,9 +11,9 @@ from retrue.experiments.scenes import random_planar_pose
 from retrue.experiments.study import Line, Panel, Study, Table
 from retrue.experiments.trials import Progress, run_trials
 from retrue.geometry.arrays import FloatArray
-from retrue.geometry.homography import apply_homography, fit_homography
+from retrue.geometry.homography import apply_homography
 from retrue.geometry.paper_solver import paper_pose_candidates
-from retrue.geometry.planar_pose import PlanarPose, planar_pose_candidates
+from retrue.geometry.planar_pose import PlanarPose, in_front, planar_pose_candidates
 from retrue.geometry.transform import RigidTransform
 from retrue.geometry.triangulation import triangulate_linear
 
@@ -47,7 +47,7 @@ def ambiguity(
     for cell, found in zip(cells, results, strict=True):
         for k, method in enumerate(METHODS):
             count, truth, false = found[:, k].T
-            shares = [100 * float(np.mean(count == solutions)) for solutions in range(MOST + 1)]
+            shares = [100 * np.count_nonzero(count == solutions) / len(count) for solutions in range(MOST + 1)]
             one_or_two = shares[1] + shares[2]
             rows.append(
                 (
@@ -90,23 +90,26 @@ def _trial(cell: Cell, rng: np.random.Generator) -> FloatArray:
     """(3, 3): per method how many solutions, whether the truth is one, whether a pose is that is none."""
     truth, camera = random_planar_pose(rng, cell.points, cell.spread)
     projector = apply_homography(truth.homography, camera)
-    H = fit_homography(camera, projector)
+    H = truth.homography
     literal = paper_pose_candidates(H)
     mirrored = tuple(PlanarPose(pose.R, -pose.translation_over_distance, -pose.normal) for pose in literal)
     ours = planar_pose_candidates(H, [*camera.mean(axis=0), 1.0])
-    return np.array([_count(poses, truth, camera, projector) for poses in (literal, literal + mirrored, ours)])
+    seen = (
+        [pose for pose in literal if _triangulates_in_front(pose, camera, projector)],
+        [pose for pose in literal + mirrored if _triangulates_in_front(pose, camera, projector)],
+        [pose for pose in ours if in_front(pose, camera).all()],
+    )
+    return np.array([_count(poses, truth) for poses in seen], dtype=np.float64)
 
 
-def _all_in_front(pose: PlanarPose, camera: FloatArray, projector: FloatArray) -> bool:
+def _triangulates_in_front(pose: PlanarPose, camera: FloatArray, projector: FloatArray) -> bool:
     """Cheirality as the paper's: every point triangulated, eqs (5), (6), and its depth positive in both devices."""
     points = triangulate_linear(RigidTransform(pose.R, pose.translation_over_distance), camera, projector)
     return bool(np.isfinite(points).all())
 
 
-def _count(
-    poses: tuple[PlanarPose, ...], truth: PlanarPose, camera: FloatArray, projector: FloatArray
-) -> tuple[int, bool, bool]:
-    seen = [pose for pose in poses if _all_in_front(pose, camera, projector)]
+def _count(seen: list[PlanarPose], truth: PlanarPose) -> tuple[int, bool, bool]:
+    """How many, whether the truth is among them, and whether one does not reproduce the homography."""
     H = truth.homography / np.linalg.norm(truth.homography)
     misfits = [
         min(float(np.abs(pose.homography / np.linalg.norm(pose.homography) - sign * H).max()) for sign in (1, -1))

@@ -35,13 +35,20 @@ class Cell:
     noise_px: float
 
 
-def noise(trials: int = 500, seed: int = 0, *, workers: int | None = None, progress: Progress | None = None) -> Study:
+def noise(
+    trials: int = 500,
+    seed: int = 0,
+    *,
+    levels: Sequence[float] = NOISE_PX,
+    workers: int | None = None,
+    progress: Progress | None = None,
+) -> Study:
     """Mean and standard deviation of the errors of eq. (29), in percent, for noise of 0 to 1 px.
 
     R turns by pi/8, pi/5, pi/4 about x, y, z; t is along (8, 4, 1); 50 points lie on Z = X + 2 Y + 10 over +-1.5 in X
     and Y, anew in each trial. The focal length is 1000 px in both devices: print has lost the paper's.
     """
-    cells = [Cell(level) for level in NOISE_PX]
+    cells = [Cell(level) for level in levels]
     results = run_trials(_trial, cells, trials, seed, workers=workers, progress=progress)
     rows: list[tuple[Number, ...]] = []
     for cell, errors in zip(cells, results, strict=True):
@@ -64,7 +71,8 @@ def _lines(table: Table, name: str) -> list[Line]:
     for method in METHODS:
         part = table.where(method=method)
         if method != EIGHT_POINT[0]:  # off the chart
-            lines.append(Line(method, NOISE_PX, [float(value) for value in part.column(f"{name}_mean")]))
+            x, y = ([float(value) for value in part.column(key)] for key in ("noise_px", f"{name}_mean"))
+            lines.append(Line(method, x, y))
     return lines
 
 

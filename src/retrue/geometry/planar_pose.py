@@ -19,6 +19,7 @@ SMALLEST_PARALLAX = 1e-9  # |t| / distance below which H is a rotation to roundi
 SMALLEST_DETERMINANT = 1e-14  # of an H of norm 1
 OPTICAL_AXIS = np.array([0.0, 0.0, 1.0])
 OPTICAL_AXIS.setflags(write=False)
+_new = object.__new__
 
 
 class PlanarPose:
@@ -39,15 +40,6 @@ class PlanarPose:
         self._rows, self._first = np.empty((5, 3)), 0
         self._rows[:3], self._rows[3], self._rows[4] = R, translation_over_distance, normal
         self._rows.setflags(write=False)
-
-    @classmethod
-    def pair(cls, rows: FloatArray) -> tuple[PlanarPose, PlanarPose]:
-        """Two from rows (10, 3) that nobody else writes to."""
-        rows.setflags(write=False)
-        first, second = cls.__new__(cls), cls.__new__(cls)
-        first._rows = second._rows = rows
-        first._first, second._first = 0, 5
-        return first, second
 
     def __repr__(self) -> str:
         R, t, normal = (part.tolist() for part in (self.R, self.translation_over_distance, self.normal))
@@ -127,13 +119,24 @@ def planar_pose_candidates(
     """
     if viewing_ray is not OPTICAL_AXIS:
         viewing_ray = np.ascontiguousarray(finite_array(viewing_ray, (3,), "viewing ray"))
-    rows = np.empty((10, 3))
-    if not _solve_compiled(homography, viewing_ray, rows):
+    rows, solved = np.empty((10, 3)), False
+    if compiled.planar_pose is None:
+        compiled.asked(1)
+    else:
+        try:
+            solved = compiled.planar_pose.planar_poses(homography, viewing_ray, rows)
+        except TypeError:  # not a float64 array in C order
+            solved = False
+    if not solved:
         H = finite_array(homography, (3, 3), "homography")
         rows = _rows(H[None], np.asarray(viewing_ray))[0]
         if np.isnan(rows[0, 0]):
             raise DegenerateError(_hopeless(H))
-    return PlanarPose.pair(rows)
+    rows.setflags(write=False)
+    first, second = _new(PlanarPose), _new(PlanarPose)
+    first._rows = second._rows = rows  # pyright: ignore[reportPrivateUsage]
+    first._first, second._first = 0, 5  # pyright: ignore[reportPrivateUsage]
+    return first, second
 
 
 def planar_pose_candidates_batch(homographies: ArrayLike, viewing_ray: ArrayLike = OPTICAL_AXIS) -> PlanarPoses:
@@ -159,17 +162,6 @@ def planar_pose_candidates_batch(homographies: ArrayLike, viewing_ray: ArrayLike
             rows[doubtful] = _rows(stack[doubtful], x)
     rows = rows.reshape(-1, 2, 5, 3)
     return PlanarPoses(rows[:, :, :3], rows[:, :, 3], rows[:, :, 4])
-
-
-def _solve_compiled(homography: ArrayLike, viewing_ray: ArrayLike, rows: FloatArray) -> bool:
-    """Fill rows (10, 3) by the compiled kernel; False where there is none, or where it leaves the answer to NumPy."""
-    if compiled.planar_pose is None:
-        compiled.asked(1)
-        return False
-    try:
-        return compiled.planar_pose.planar_poses(homography, viewing_ray, rows)
-    except TypeError:  # not float64 arrays in C order
-        return False
 
 
 def _rows(stack: FloatArray, x: FloatArray) -> FloatArray:

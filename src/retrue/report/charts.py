@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import io
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, Any, Protocol
+from typing import TYPE_CHECKING, Any, Protocol, cast
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -45,9 +45,9 @@ class PanelLike(Protocol):
 
 def line_charts(panels: Sequence[PanelLike]) -> dict[str, bytes]:
     """The panels side by side, under "svg" and "png"; the same panels give the same bytes."""
-    from matplotlib import rc_context
+    import matplotlib
 
-    with rc_context({"svg.hashsalt": "retrue", "svg.fonttype": "none"}):
+    with cast("Any", matplotlib).rc_context({"svg.hashsalt": "retrue", "svg.fonttype": "none"}):
         figure = _drawn(panels)
         return {kind: _saved(figure, kind) for kind in ("svg", "png")}
 
