@@ -83,7 +83,7 @@ def _displacement(first: Rig, second: Rig, distance: float) -> float:
         camera_sigma=1 / second.camera.K[0, 0],
         projector_sigma=1 / second.projector.K[0, 0],
     )
-    return float(np.sqrt(np.mean(np.sum((moved - points) ** 2, axis=1))))
+    return float(np.sqrt(np.mean(((moved - points) ** 2).sum(axis=1))))
 
 
 def _points_at(camera: Camera, distance: float) -> FloatArray:
