@@ -93,3 +93,13 @@ def test_a_pose_that_nothing_determines_is_refused() -> None:
     points = scene(4, np.random.default_rng(0), (-1,))
     with pytest.raises(DegenerateError):
         cramer_rao_bound(TwoViewPose(POSE.R, POSE.t), points)
+
+
+def test_a_plane_without_points_leaves_the_pose_determined() -> None:
+    rng = np.random.default_rng(4)
+    points = noisy(scene(200, rng, (-1, 0)), rng)
+    found = residuals(POSE, points)
+    information, _ = normal_equations(POSE, points, found, np.ones(len(points)), np.ones(len(found.rows)))
+    alone = TwoViewPose(POSE.R, POSE.t, POSE.planes[:1])
+    expected, _ = normal_equations(alone, points, found, np.ones(len(points)), np.ones(len(found.rows)))
+    assert np.allclose(pose_covariance(information), pose_covariance(expected), rtol=1e-6)

@@ -156,7 +156,11 @@ def normal_equations(
     epipolar_weights: FloatArray,
     along_weights: FloatArray,
 ) -> tuple[FloatArray, FloatArray]:
-    """J^T W J (5 + 3 P, 5 + 3 P) and J^T W r of weighted residuals."""
+    """J^T W J (5 + 3 P, 5 + 3 P) and J^T W r of weighted residuals.
+
+    A plane whose points all lost their weight is held where it is, by one unit of information relative to its n:
+    next to nothing where it has points, and enough that it does not leave the pose undetermined.
+    """
     size = POSE_PARAMETERS + 3 * len(pose.planes)
     information, gradient = np.zeros((size, size)), np.zeros(size)
     weighted = found.epipolar_jacobian * epipolar_weights
@@ -169,6 +173,8 @@ def normal_equations(
         weighted = jacobian * along_weights[mine]
         index = np.r_[0:5, 5 + 3 * plane : 8 + 3 * plane]
         information[np.ix_(index, index)] += weighted @ jacobian.T
+        held = index[POSE_PARAMETERS:]
+        information[held, held] += 1 / max(float(pose.planes[plane] @ pose.planes[plane]), 1e-12)
         gradient[index] += weighted @ found.along[mine]
     return information, gradient
 
