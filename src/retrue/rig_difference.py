@@ -83,13 +83,15 @@ def _displacement(first: Rig, second: Rig, distance: float) -> float:
         camera_sigma=1 / second.camera.K[0, 0],
         projector_sigma=1 / second.projector.K[0, 0],
     )
-    return float(np.sqrt(np.mean(((moved - points) ** 2).sum(axis=1))))
+    distances: FloatArray = np.linalg.norm(moved - points, axis=1)
+    return float(np.sqrt(np.mean(distances**2)))
 
 
 def _points_at(camera: Camera, distance: float) -> FloatArray:
     """Points (N, 3) at that depth, evenly over the picture."""
-    x, y = (np.linspace(0, side - 1, count) for side, count in zip(camera.size, GRID, strict=True))
-    across, down = np.meshgrid(x, y)
+    across, down = np.meshgrid(
+        *(np.linspace(0, side - 1, count) for side, count in zip(camera.size, GRID, strict=True))
+    )
     rays = camera.unproject(np.column_stack([across.ravel(), down.ravel()]))
     rays = rays[np.isfinite(rays).all(axis=1)]
     return np.column_stack([rays, np.ones(len(rays))]) * distance
