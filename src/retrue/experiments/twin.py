@@ -103,7 +103,8 @@ def _panel(table: Table, cue: str, x: str, label: str, y: str, split: str | None
         else {f"{value} points": part.where(**{split: value}) for value in part.column(split)}
     )
     lines = [Line(name, _numbers(rows, x), _numbers(rows, y)) for name, rows in parts.items()]
-    return Panel(cue, label, y.replace("_", " ").replace(" %", ", %"), lines, log_x=split is not None)
+    shown = {"both_in_front_%": "both poses in front, %", "cannot_tell_%": "answer is 'cannot tell', %"}[y]
+    return Panel(cue, label, shown, lines, log_x=split is not None)
 
 
 def _numbers(table: Table, column: str) -> list[float]:

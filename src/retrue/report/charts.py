@@ -11,6 +11,7 @@ if TYPE_CHECKING:
 
 COLUMNS = 3
 MARKERS = "osv^D<>PX*"
+OWN_LEGEND = 4  # lines up to which each set of axes has its own; else one for all, below
 
 
 class LineLike(Protocol):
@@ -57,11 +58,17 @@ def _drawn(panels: Sequence[PanelLike]) -> Figure:
 
     columns = min(COLUMNS, len(panels))
     rows = -(-len(panels) // columns)
-    figure = Figure(figsize=(4.6 * columns, 3.6 * rows + 0.9), layout="constrained")
+    figure = Figure(figsize=(4.6 * columns, 3.6 * rows + 1.2), layout="constrained")
     axes: Any = figure.subplots(rows, columns, squeeze=False).ravel()
+    labels = list(dict.fromkeys(line.label for panel in panels for line in panel.lines))
+    shown: dict[str, Any] = {}
     for axis, panel in zip(axes, panels, strict=False):
-        for line, marker in zip(panel.lines, MARKERS * 2, strict=False):
-            axis.errorbar(line.x, line.y, line.error, label=line.label, marker=marker, markersize=4, linewidth=1)
+        for line in panel.lines:
+            k = labels.index(line.label)  # looks the same on all axes
+            style = {"marker": MARKERS[k % len(MARKERS)], "color": f"C{k % 10}", "linestyle": ("-", "--")[k // 10 % 2]}
+            shown[line.label] = axis.errorbar(
+                line.x, line.y, line.error, label=line.label, markersize=4, linewidth=1, **style
+            )
         axis.set_title(panel.title, fontsize=10)
         axis.set_xlabel(panel.x_label)
         axis.set_ylabel(panel.y_label)
@@ -72,12 +79,11 @@ def _drawn(panels: Sequence[PanelLike]) -> Figure:
         axis.grid(alpha=0.3)
     for axis in axes[len(panels) :]:
         axis.set_axis_off()
-    if len({tuple(line.label for line in panel.lines) for panel in panels}) == 1:
-        handles, labels = axes[0].get_legend_handles_labels()
-        figure.legend(handles, labels, loc="outside lower center", ncols=3, fontsize=8)
+    if len(labels) > OWN_LEGEND:
+        figure.legend([shown[label] for label in labels], labels, loc="outside lower center", ncols=3, fontsize=8)
     else:
         for axis in axes[: len(panels)]:
-            axis.legend(fontsize=7)
+            axis.legend(fontsize=8)
     return figure
 
 
