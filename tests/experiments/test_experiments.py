@@ -73,7 +73,7 @@ def test_we_reach_the_bound_and_say_so_honestly() -> None:
     cells = [Cell(SETUPS[0], 400, 0.3, 0.0), Cell(SETUPS[2], 50, 0.1, 0.0)]
     trials = 100
     table = peers(trials, seed=3, cells=cells, ours_only=True, workers=1).table
-    assert set(table.column("bound")) == {"holds"}
+    assert set(table.column("bound")) - {"not installed"} == {"holds"}
     for name in ("retrue fit_homography", WHOLE_JOB):
         mine = table.where(method=name)
         assert (numbers(mine, "failed_%") == 0).all()

@@ -45,7 +45,8 @@ def run_trials(
         for index, cell in enumerate(cells)
         for k in range(chunks)
     ]
-    workers = workers or len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+    cores = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+    workers = workers or cores
     done: list[FloatArray] = []
 
     def collect(result: FloatArray) -> None:

@@ -126,8 +126,9 @@ def _trial(cell: Cell, rng: np.random.Generator) -> FloatArray:
     old_t = _drifted(truth.t, cell.drift_deg, rng)
     prior_wrong = direction_angle(old_t, other.translation_over_distance) < direction_angle(old_t, truth.t)
     old = Rig(rig.camera, rig.projector, RigidTransform(truth.R, old_t))
-    # Where the old rig is not the cue it may not decide: odds that it never gives.
-    options = RecalibrateOptions() if cell.cue == "old direction of t" else RecalibrateOptions(prior_odds=np.inf)
+    # Where the old rig is not the cue it may not decide: odds that it never gives, and any change is plausible.
+    by_prior = cell.cue == "old direction of t"
+    options = RecalibrateOptions() if by_prior else RecalibrateOptions(prior_odds=np.inf, max_change_deg=180.0)
     result = recalibrate(old, [capture], options)
     accepted = isinstance(result, Accepted)
     wrong = isinstance(result, Accepted) and _nearer_to(other, truth, result.rig.projector_from_camera)
