@@ -51,9 +51,7 @@ def locked(path: Path, handle: int, patience: float = PATIENCE) -> Generator[Non
             break
         except OSError as error:
             if time.monotonic() >= end:
-                raise FileError(
-                    path, f"in use by another process for {patience:g} s ({error.strerror}); try again"
-                ) from error
+                raise FileError(path, f"in use by another process ({error.strerror}); try again later") from error
             time.sleep(PAUSE)
     try:
         yield

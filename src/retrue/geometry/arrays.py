@@ -24,7 +24,7 @@ def finite_array(value: ArrayLike, shape: tuple[int | None, ...], name: str) -> 
     """
     try:
         array = np.asarray(value, dtype=np.float64)
-    except (TypeError, ValueError) as error:
+    except (TypeError, ValueError, OverflowError) as error:
         raise InputError(f"{name}: expected numbers of shape {_shape(shape)}, found {error}") from error
     if array.ndim != len(shape) or any(
         want is not None and have != want for want, have in zip(shape, array.shape, strict=True)
