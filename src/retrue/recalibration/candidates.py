@@ -12,7 +12,7 @@ from retrue.geometry.planar_pose import PlanarPose, planar_pose_candidates, twin
 from retrue.geometry.robust_homography import local_noise
 from retrue.geometry.transform import direction_angle, rotation_angle
 from retrue.geometry.two_view import FREE, TwoViewPoints, TwoViewPose, planes_of_pose
-from retrue.recalibration.fit import PoseFit, chi_square, evaluate, gather, picture_blocks, refine
+from retrue.recalibration.fit import CUTOFF, PoseFit, chi_square, evaluate, gather, picture_blocks, refine
 from retrue.recalibration.options import RecalibrateOptions
 from retrue.recalibration.planes import split_planes
 from retrue.recalibration.prepare import Rays
@@ -96,7 +96,8 @@ def compare_candidates(rays: Rays, homographies: list[FloatArray], rng: np.rando
 def _compared(rays: Rays, first: PoseFit, rival: PoseFit) -> Comparison:
     """What prefers the first: points off the plane that the rival fits, because that plane fits both."""
     points = rays.points
-    fitted = points.plane_index[rival.found.rows[rival.along_weights > 0]]
+    near = np.abs(rival.found.along) < CUTOFF * first.along_noise.level  # not by its own, wider noise
+    fitted = points.plane_index[rival.found.rows[near]]
     own_plane = int(np.argmax(np.bincount(fitted))) if len(fitted) else FREE
     off = points.plane_index != own_plane
     preferred = _point_chi_square(rival, first) - _point_chi_square(first, first)

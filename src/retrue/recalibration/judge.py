@@ -11,6 +11,7 @@ from retrue.geometry.transform import direction_angle
 from retrue.geometry.two_view import FREE
 from retrue.recalibration.candidates import Comparison
 from retrue.recalibration.estimate import Estimate
+from retrue.recalibration.evidence import sigma
 from retrue.recalibration.fit import PoseFit
 from retrue.recalibration.options import RecalibrateOptions
 from retrue.recalibration.prepare import Rays
@@ -103,19 +104,14 @@ def objection(
     fit: PoseFit, rays: Rays, estimate: Estimate, evidence: Evidence, options: RecalibrateOptions
 ) -> str | None:
     """Why a resolved pose is still not to be trusted, and what to do; None where nothing speaks against it."""
-    if evidence.sigma is None or not (
-        evidence.sigma.rotation_deg <= options.max_sigma_rotation_deg
-        and evidence.sigma.translation_deg <= options.max_sigma_translation_deg
+    own = sigma(fit.covariance)  # without the systematic part: what the points themselves determine
+    if not (
+        own.rotation_deg <= options.max_sigma_rotation_deg and own.translation_deg <= options.max_sigma_translation_deg
     ):
-        found = (
-            "unknown"
-            if evidence.sigma is None
-            else (
-                f"{evidence.sigma.rotation_deg:.2g} deg in rotation, {evidence.sigma.translation_deg:.2g} deg in"
-                " the direction of t"
-            )
+        return (
+            f"the points know the pose only to {own.rotation_deg:.2g} deg in rotation and {own.translation_deg:.2g} deg"
+            " in the direction of t; fill more of the picture, or add captures"
         )
-        return f"the pose is too uncertain ({found}); fill more of the picture, or add captures"
     problem = inconsistency(fit, rays, estimate, options)
     if problem is not None:
         return problem

@@ -47,9 +47,9 @@ class RecalibrateOptions:
     max_points
         Correspondences used in all; more are thinned out evenly. Neighbours in a dense code repeat each other.
     max_sigma_rotation_deg
-        A rotation less certain than this is refused.
+        A rotation that the points determine less certainly than this is refused.
     max_sigma_translation_deg
-        A direction of t less certain than this is refused.
+        Likewise for the direction of t.
     max_noise_px
         Correspondences noisier than this, about the pose that fits them best, are none.
     max_structure_px
@@ -79,7 +79,7 @@ class RecalibrateOptions:
     max_planes: int = 4
     max_points: int = 20_000
     max_sigma_rotation_deg: float = 1.0
-    max_sigma_translation_deg: float = 5.0
+    max_sigma_translation_deg: float = 3.0
     max_noise_px: float = 2.0
     max_structure_px: float = 0.15
     max_outliers: float = 0.65
