@@ -45,7 +45,8 @@ def run_trials(
         for index, cell in enumerate(cells)
         for k in range(chunks)
     ]
-    workers = workers or _cores()
+    cores = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+    workers = workers or cores
     done: list[FloatArray] = []
 
     def collect(result: FloatArray) -> None:
@@ -62,11 +63,6 @@ def run_trials(
             for result in pool.map(_run, jobs):
                 collect(result)
     return [np.concatenate(done[k : k + chunks]) for k in range(0, len(done), chunks)]
-
-
-def _cores() -> int:
-    """Those that this process may use."""
-    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
 
 
 def _run(job: tuple[Trial[C], C, int, np.random.SeedSequence]) -> FloatArray:
