@@ -134,6 +134,7 @@ BOMBS: dict[str, tuple[str, bytes]] = {
     "a header of a million commas": ("points", b"," * 1_000_000),
     "ten thousand million pixels": ("image", png(100_000, 100_000)),
     "many pixels in few bytes": ("image", png(14_000, 14_000)),
+    "a chunk that claims three gigabytes": ("image", png(16, 12)[:33] + b"\xc3\0\0\x39IDAT" + png(16, 12)[41:]),
     "a million fill bytes": ("image", JPEG_START + b"\xff" * 1_000_000),
     "ten thousand scans": ("image", scans(10_000)),
     "a history line of nothing": ("history", b"{}\n" * 100_000),

@@ -9,6 +9,7 @@ from typing import BinaryIO
 
 from retrue.errors import FileError
 
+PNG = b"\x89PNG\r\n\x1a\n"
 MOST_MARKERS = 10_000  # of a JPEG, before its picture; fill bytes count too
 
 
@@ -25,7 +26,7 @@ def read_image_header(path: Path) -> ImageHeader:
     try:
         with path.open("rb") as stream:
             start = stream.read(32)
-            if start.startswith(b"\x89PNG\r\n\x1a\n"):
+            if start.startswith(PNG):
                 return _png(start)
             if start.startswith(b"\xff\xd8"):
                 return _jpeg(stream)
@@ -38,6 +39,21 @@ def read_image_header(path: Path) -> ImageHeader:
     except (struct.error, ValueError, KeyError, IndexError) as error:
         raise FileError(path, "not a picture that can be read: damaged or cut short") from error
     raise FileError(path, "not a picture: expected PNG, JPEG, BMP or TIFF")
+
+
+def png_is_whole(content: bytes) -> bool:
+    """Whether every chunk of a PNG file lies in it: OpenCV takes memory for what a chunk claims to hold.
+
+    >>> png_is_whole(b"\\x89PNG\\r\\n\\x1a\\n" + b"\\xff\\0\\0\\0IDAT" + 8 * b"\\0")
+    False
+    """
+    place = 8
+    while place + 8 <= len(content):
+        length, kind = struct.unpack_from(">I4s", content, place)
+        place += 12 + length
+        if kind == b"IEND":
+            return place <= len(content)
+    return False
 
 
 def _png(start: bytes) -> ImageHeader:

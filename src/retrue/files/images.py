@@ -11,7 +11,12 @@ from typing import cast
 import numpy as np
 
 from retrue.errors import CaptureError, FileError
+<<<<<<< HEAD
 from retrue.files.image_header import ImageHeader, read_image_header
+=======
+from retrue.files.atomic import replaced_file
+from retrue.files.image_header import PNG, ImageHeader, png_is_whole, read_image_header
+>>>>>>> trust
 from retrue.files.text import read_bytes
 from retrue.geometry.arrays import Image
 
@@ -146,7 +151,8 @@ def _decoded(path: Path, header: ImageHeader, grey: bool) -> Image:
     flags = cv2.IMREAD_ANYDEPTH | cv2.IMREAD_IGNORE_ORIENTATION
     flags |= cv2.IMREAD_GRAYSCALE if grey or header.channels == 1 else cv2.IMREAD_COLOR
     content = _content(path, BYTES_A_PIXEL * header.size[0] * header.size[1] + METADATA_BYTES)
-    if header.size[0] * header.size[1] > MOST_PIXELS_A_BYTE * len(content):
+    too_short = header.size[0] * header.size[1] > MOST_PIXELS_A_BYTE * len(content)
+    if too_short or (content.startswith(PNG) and not png_is_whole(content)):
         raise FileError(path, "not a picture that can be read: damaged or cut short")
     try:
         image = cast("Image | None", cv2.imdecode(np.frombuffer(content, dtype=np.uint8), flags))
