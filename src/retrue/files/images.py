@@ -11,12 +11,7 @@ from typing import cast
 import numpy as np
 
 from retrue.errors import CaptureError, FileError
-<<<<<<< HEAD
-from retrue.files.image_header import ImageHeader, read_image_header
-=======
-from retrue.files.atomic import replaced_file
 from retrue.files.image_header import PNG, ImageHeader, png_is_whole, read_image_header
->>>>>>> trust
 from retrue.files.text import read_bytes
 from retrue.geometry.arrays import Image
 
