@@ -18,7 +18,7 @@ from retrue.recalibration.options import RecalibrateOptions
 from retrue.recalibration.prepare import Rays
 from retrue.recalibration.result import Accepted, Evidence, PoseCandidate, Refused
 from retrue.recalibration.scale import translation_length
-from retrue.recalibration.systematic import focal_change, systematic_covariance
+from retrue.recalibration.systematic import systematic_covariance
 from retrue.rig import Rig
 
 
@@ -84,7 +84,6 @@ def _evidence(
     order = [0, 1] if choice.index == 0 else [1, 0]
     covariance = fit.covariance
     statistical = sigma(covariance)
-    focal = {device: focal_change(rays.points, fit, device) for device in ("camera", "projector")}
     return Evidence(
         correspondences=total,
         candidates=tuple(candidates[k] for k in order[: len(candidates)]),
@@ -99,7 +98,6 @@ def _evidence(
                 "rotation_deg": statistical.rotation_deg,
                 "translation_deg": statistical.translation_deg,
             },
-            "focal_change": {device: found.amount for device, found in focal.items()},
             "points_used": len(estimate.rays),
             "points_explained": int(np.count_nonzero(fit.explained)),
             "planes": len(fit.pose.planes),

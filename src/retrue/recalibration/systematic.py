@@ -19,6 +19,8 @@ from retrue.recalibration.fit import PoseFit, solve_normal_equations
 from retrue.recalibration.options import RecalibrateOptions
 from retrue.rig import Rig
 
+ENOUGH_POINTS = 1000
+
 
 @dataclass(frozen=True, slots=True)
 class FocalChange:
@@ -33,6 +35,7 @@ def systematic_covariance(rig: Rig, points: TwoViewPoints, fit: PoseFit, options
 
     To be added to the covariance of the fit. On a single plane it is by far the larger part.
     """
+    points, fit = _thinned(points, fit)
     covariance = np.zeros((POSE_PARAMETERS, POSE_PARAMETERS))
     for name, device in (("camera_rays", rig.camera), ("projector_rays", rig.projector)):
         seen = getattr(points, name)
@@ -61,6 +64,34 @@ def focal_change(points: TwoViewPoints, fit: PoseFit, device: str) -> FocalChang
     if not left > 1e-9 * own:
         return FocalChange(0.0, np.inf)
     return FocalChange(float(-small * slope / left), float(small / np.sqrt(left)))
+
+
+def _thinned(points: TwoViewPoints, fit: PoseFit) -> tuple[TwoViewPoints, PoseFit]:
+    """Every k-th point: what is smooth over the picture needs no more."""
+    stride = len(points) // ENOUGH_POINTS
+    if stride < 2:
+        return points, fit
+    kept = np.zeros(len(points), dtype=np.bool_)
+    kept[::stride] = True
+    along = kept[fit.found.rows]
+    few = points.select(kept)
+    found = Residuals(
+        fit.found.epipolar[kept],
+        fit.found.epipolar_jacobian[:, kept],
+        (np.cumsum(kept) - 1)[fit.found.rows[along]],
+        fit.found.along[along],
+        fit.found.along_jacobian[:, along],
+    )
+    thinned = replace(
+        fit,
+        found=found,
+        epipolar_weights=fit.epipolar_weights[kept],
+        along_weights=fit.along_weights[along],
+        epipolar_noise=replace(fit.epipolar_noise, variance=fit.epipolar_noise.variance[kept]),
+        along_noise=replace(fit.along_noise, variance=fit.along_noise.variance[along]),
+    )
+    information, gradient = normal_equations(fit.pose, few, found, *_weights(thinned))
+    return few, replace(thinned, information=information, gradient=gradient)
 
 
 def _bowed(pose: TwoViewPose, points: TwoViewPoints, plane: int, flatness: float) -> list[TwoViewPoints]:
