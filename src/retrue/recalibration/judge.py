@@ -91,7 +91,7 @@ def inconsistency(fit: PoseFit, rays: Rays, estimate: Estimate, options: Recalib
             )
     for device in ("camera", "projector"):
         found = focal_change(rays.points, fit, device)
-        told = found.sigma < options.max_focal_change / 2  # a single plane takes up any focal length
+        told = not found.sigma >= options.max_focal_change / 2  # a single plane takes up any focal length
         if told and not abs(found.amount) <= max(options.max_focal_change, FOCAL_SIGMAS * found.sigma):
             return (
                 f"the points ask for a focal length of the {device} that is {found.amount:+.1%} off"
@@ -121,7 +121,7 @@ def objection(
     ):
         return (
             f"the pose would have changed by more than {options.max_change_deg:g} deg, which no bump does; is it this"
-            " rig's picture? if it was rebuilt, allow for it with --limits.max-change-deg"
+            " rig's picture? if it was rebuilt, allow for it with --max-change-deg"
         )
     if not twin_is_resolved(estimate.comparison, options):
         normals = fit.pose.planes / np.linalg.norm(fit.pose.planes, axis=1, keepdims=True)
