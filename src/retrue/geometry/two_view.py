@@ -9,7 +9,7 @@ where the full bundle adjustment does.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -221,12 +221,6 @@ def planes_of_pose(R: FloatArray, t: FloatArray, homographies: list[FloatArray])
         A, B = np.cross(t, H.T).T, skew(t) @ R
         planes[index] = t @ (H * (np.sum(A * B) / np.sum(A * A)) - R)
     return planes
-
-
-def with_unit_translation(pose: TwoViewPose) -> TwoViewPose:
-    """The same pose with |t| = 1 and its planes in that unit."""
-    length = float(np.linalg.norm(pose.t))
-    return replace(pose, t=pose.t / length, planes=pose.planes * length)
 
 
 def _epipolar_lines(
