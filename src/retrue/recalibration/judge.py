@@ -34,7 +34,7 @@ from retrue.recalibration.reasons import (
     SurfaceContradicts,
     TwinsUnresolved,
 )
-from retrue.recalibration.result import PoseChange
+from retrue.recalibration.result import Evidence, PoseChange, PoseSigma
 from retrue.recalibration.systematic import FocalChange, focal_change
 
 DEVICES = ("camera", "projector")
@@ -129,20 +129,26 @@ def _is_told(found: FocalChange, options: RecalibrateOptions) -> bool:
     return not found.sigma >= options.max_focal_change / 4  # a single plane takes up any focal length
 
 
-def imprecision(fit: PoseFit, options: RecalibrateOptions) -> Imprecise | None:
-    """Whether the points determine the pose too poorly for a linearised covariance to hold."""
-    own = sigma(fit.covariance)  # without the systematic part: what the points themselves determine
-    precise = (
-        own.rotation_deg <= options.max_sigma_rotation_deg and own.translation_deg <= options.max_sigma_translation_deg
-    )
-    return None if precise else Imprecise(own.rotation_deg, own.translation_deg)
+def imprecision(fit: PoseFit, total: PoseSigma | None, options: RecalibrateOptions) -> Imprecise | None:
+    """Whether the points determine the pose too poorly for a linearised covariance to hold.
+
+    The limits are for what the points themselves say; with the systematic part in `total`, it may be twice that.
+    """
+    for known, factor in ((sigma(fit.covariance), 1), (total, 2)):
+        if known is not None and not (
+            known.rotation_deg <= factor * options.max_sigma_rotation_deg
+            and known.translation_deg <= factor * options.max_sigma_translation_deg
+        ):
+            return Imprecise(known.rotation_deg, known.translation_deg)
+    return None
 
 
 def objection(
-    fit: PoseFit, rays: Rays, estimate: Estimate, change: PoseChange | None, options: RecalibrateOptions
+    fit: PoseFit, rays: Rays, estimate: Estimate, evidence: Evidence, options: RecalibrateOptions
 ) -> Reason | None:
     """Why a resolved pose is still not to be trusted; None where nothing speaks against it."""
-    reason = imprecision(fit, options) or inconsistency(fit, rays, estimate, options)
+    change = evidence.change
+    reason = imprecision(fit, evidence.sigma, options) or inconsistency(fit, rays, estimate, options)
     if reason is not None:
         return reason
     if change is not None and not _is_within(change, options.max_change_deg):
