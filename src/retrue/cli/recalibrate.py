@@ -101,9 +101,9 @@ def _described(result: Accepted | Refused, unit: str) -> str:
         lines.append(f"sigma {sigma.rotation_deg:.3f} deg, direction of t {sigma.translation_deg:.3f} deg")
     if evidence.change is not None and evidence.change.displacement is not None:
         distance = f"{evidence.working_distance:.4g} {unit}"
-        lines.append(f"points at {distance} were off by {evidence.change.displacement:.2g} {unit}")
+        lines.append(f"points at {distance} were off by {evidence.change.displacement:.4g} {unit}")
     if evidence.sigma is not None and evidence.sigma.displacement is not None:
-        lines[-1] += f", are now within {evidence.sigma.displacement:.2g} {unit} (sigma)"
+        lines[-1] += f", are now within {evidence.sigma.displacement:.3g} {unit} (sigma)"
     if evidence.scale:
         lines.append(f"scale: {evidence.scale}")
     return "\n".join(lines)
