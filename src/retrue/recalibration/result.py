@@ -33,24 +33,44 @@ class PoseCandidate:
 
 @dataclass(frozen=True, slots=True)
 class PoseChange:
-    """From the old rig to the new: rotation and direction of t in degrees, |t| in the rig's unit."""
+    """From one pose to another.
+
+    Attributes
+    ----------
+    rotation_deg, translation_deg : of R, and of the direction of t.
+    length : by how much |t| grew, in the rig's unit.
+    displacement : how far points at the working distance land elsewhere, RMS, in the rig's unit; None where that
+        distance is not known.
+    """
 
     rotation_deg: float
     translation_deg: float
     length: float
+    displacement: float | None = None
 
 
 @dataclass(frozen=True, slots=True)
 class PoseSigma:
-    """One standard deviation: of rotation (RMS over axes) and of the direction of t, in degrees."""
+    """One standard deviation.
+
+    Attributes
+    ----------
+    rotation_deg, translation_deg : of the angle of R, and of that of t.
+    displacement : of points at the working distance, RMS, in the rig's unit; |t| is taken for exact. None where
+        that distance is not known.
+    """
 
     rotation_deg: float
     translation_deg: float
+    displacement: float | None = None
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Evidence:
-    """What the verdict rests on. `None` where the work stopped before that was known."""
+    """What the verdict rests on. `None` where the work stopped before that was known.
+
+    `working_distance` is the median depth of the points, in the rig's unit.
+    """
 
     correspondences: int
     candidates: tuple[PoseCandidate, ...] = ()
@@ -59,6 +79,7 @@ class Evidence:
     sigma: PoseSigma | None = None
     resolved_by: str = ""
     scale: str = ""
+    working_distance: float | None = None
     details: Mapping[str, Any] = field(default_factory=dict[str, Any])
 
 
