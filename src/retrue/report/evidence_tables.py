@@ -42,14 +42,14 @@ def evidence_blocks(before: Rig, evidence: Evidence, unit: LengthUnit) -> tuple[
 def detail_rows(details: Mapping[str, Any]) -> list[tuple[str, str]]:
     """Every number and word among the details, by the name that people have for it."""
     return [
-        (LABELS.get(key, key.replace("_", " ").capitalize()), figures(value) if _is_number(value) else str(value))
+        (LABELS.get(key, key.replace("_", " ").capitalize()), value if isinstance(value, str) else figures(value))
         for key, value in details.items()
-        if _is_number(value) or isinstance(value, str)
+        if isinstance(value, str | int | float) and not isinstance(value, bool)
     ]
 
 
 def candidate_name(candidates: Sequence[PoseCandidate], index: int) -> str:
-    """"Chosen" and "Twin"; where nothing was chosen, "Pose A" and "Pose B"."""
+    """ "Chosen" and "Twin"; where nothing was chosen, "Pose A" and "Pose B"."""
     if any(candidate.chosen for candidate in candidates):
         return "Chosen pose" if candidates[index].chosen else "Twin"
     return f"Pose {'AB'[index]}" if len(candidates) <= 2 else f"Pose {index + 1}"
@@ -91,7 +91,3 @@ def _tilt_deg(candidate: PoseCandidate) -> float | None:
     if not candidate.planes:
         return None
     return float(np.degrees(direction_angle(candidate.planes[0].normal, [0.0, 0.0, 1.0])))
-
-
-def _is_number(value: Any) -> bool:
-    return isinstance(value, int | float) and not isinstance(value, bool)

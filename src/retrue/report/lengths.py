@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 MILLIMETRES = {"mm": 1.0, "cm": 10.0, "m": 1000.0, "um": 0.001, "µm": 0.001, "in": 25.4, "inch": 25.4}
 NAMELESS = frozenset({"", "?", "unit", "units", "unknown", "none"})
-MISSING = "–"
+MISSING = "\N{EN DASH}"
 SMALLEST = 1e-9  # shown as zero below
 
 

@@ -80,7 +80,7 @@ def arrow_picture(rig: Rig, capture: SeenCapture) -> Chart:
     rows = finite[every(len(finite), MOST_ARROWS)]
     start = capture.points.camera_px[rows]
     across = _across(rig, capture, rows) * residual[rows, None]
-    factor = _round_factor(np.abs(residual[finite]), ARROW_SHARE * rig.camera.size[0])
+    factor = round_factor(np.abs(residual[finite]), ARROW_SHARE * rig.camera.size[0])
     line = polyline(np.stack([start, start + factor * across], axis=1))
     trace = {
         "type": "scatter",
@@ -138,7 +138,11 @@ def residual_histogram(residuals: Mapping[str, tuple[FloatArray, str]]) -> Chart
         f"{name.lower()} {figures(float(np.nanmedian(np.abs(values))))} px" for name, (values, _) in residuals.items()
     )
     return Chart(
-        {"data": traces, "layout": layout}, "Histogram of residuals", f"All points are counted. Median: {medians}.", 0.2, 110
+        {"data": traces, "layout": layout},
+        "Histogram of residuals",
+        f"All points are counted. Median: {medians}.",
+        0.2,
+        110,
     )
 
 
@@ -163,7 +167,7 @@ def _across(rig: Rig, capture: SeenCapture, rows: IntArray) -> FloatArray:
     return moved / np.linalg.norm(moved, axis=1, keepdims=True)
 
 
-def _round_factor(size: FloatArray, length: float) -> float:
+def round_factor(size: FloatArray, length: float) -> float:
     """1, 2 or 5 times a power of ten, so that a large residual becomes about as long as `length`."""
     large = float(np.quantile(size, 0.95)) if len(size) else 1.0
     wanted = length / max(large, SMALLEST_PX)

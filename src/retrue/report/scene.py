@@ -36,14 +36,14 @@ class Device:
     ----------
     camera_from_device : where it stands, in the camera frame.
     color : of the page, "var(--name)".
-    dashed : for what is no longer, or not, so.
+    faint : for what is no longer so, or never was: thin lines only.
     """
 
     name: str
     device: Camera
     camera_from_device: RigidTransform
     color: str
-    dashed: bool = False
+    faint: bool = False
 
 
 def scene_chart(
@@ -156,10 +156,10 @@ def _frustum(device: Device, outline: FloatArray, unit: LengthUnit) -> list[Trac
         "mode": "lines",
         **group,
         **_coordinates(edges, unit),
-        "line": {"color": device.color, "width": 2 if device.dashed else 5, "dash": "dash" if device.dashed else "solid"},
+        "line": {"color": device.color, "width": 2 if device.faint else 5},
         "hoverinfo": "name",
     }
-    if device.dashed:
+    if device.faint:
         return [line]
     body: Trace = {
         "type": "mesh3d",

@@ -38,6 +38,7 @@ function theme(style) {
       margin: { l: 48, r: 12, t: 12, b: 44 },
       hoverlabel: { bgcolor: card, bordercolor: line, font: { color: ink }, align: "left" },
       legend: { orientation: "h", x: 0, y: 1, yanchor: "bottom", font: { color: ink }, bgcolor: "rgba(0,0,0,0)" },
+      modebar: { bgcolor: "rgba(0,0,0,0)", color: muted, activecolor: ink },
       coloraxis: { colorbar: { outlinewidth: 0, tickfont: { color: muted }, title: { font: { color: muted } } } },
       xaxis: axis,
       yaxis: axis,
