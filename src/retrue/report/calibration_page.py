@@ -74,16 +74,11 @@ def _facts(evidence: Mapping[str, Any], unit: LengthUnit, used: int) -> tuple[Fa
     error, coverage = evidence["predicted_error"], evidence["coverage"]
     left_out = len(evidence.get("left_out", ()))
     shares = {name: f"{share['share']:.0%}" for name, share in coverage.items()}
-    first, *others = shares
     return (
         Fact("Corners miss by (RMS)", pixels(evidence["rms_px"])),
         Fact("Points are known to", unit.text(error["rms"]), f"one sigma, at {unit.text(error['at_distance'])}"),
         Fact("Poses", str(used), f"{left_out} left out"),
-        Fact(
-            "Coverage",
-            shares[first],
-            f"of the {first}, " + ", ".join(f"{shares[name]} of the {name}" for name in others),
-        ),
+        Fact("Coverage", " · ".join(shares.values()), " · ".join(shares)),
     )
 
 

@@ -51,7 +51,7 @@ def detail_rows(details: Mapping[str, Any]) -> list[tuple[str, str]]:
 def candidate_name(candidates: Sequence[PoseCandidate], index: int) -> str:
     """ "Chosen" and "Twin"; where nothing was chosen, "Pose A" and "Pose B"."""
     if any(candidate.chosen for candidate in candidates):
-        return "Chosen pose" if candidates[index].chosen else "Twin"
+        return "Chosen pose" if candidates[index].chosen else "Twin pose"
     return f"Pose {'AB'[index]}" if len(candidates) <= 2 else f"Pose {index + 1}"
 
 

@@ -69,16 +69,17 @@ def change_scene(
         if candidate.chosen:
             traces += _planes(candidate, cloud, unit)
             continue
-        name = candidate_name(candidates, index).lower()
+        name = candidate_name(candidates, index)
         pose = candidate.projector_from_camera.inverse()
-        devices.append(Device(f"projector, {name}", before.projector, pose, "var(--twin)", faint=True))
+        color = "var(--mark)" if after is None and index == 0 else "var(--twin)"
+        devices.append(Device(name, before.projector, pose, color, faint=True))
     return scene_chart(
         devices,
         traces,
         cloud.points,
         unit,
         "Camera, projector before and after, planes and points in space",
-        f"{HOW_TO_TURN} Thin frusta are poses that do not hold; the grey twin fits the plane just as well.",
+        f"{HOW_TO_TURN} Thin frusta are poses that were not taken, though on the plane the grey one fits as well.",
     )
 
 

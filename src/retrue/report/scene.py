@@ -24,6 +24,8 @@ MOST_POINTS = 8000
 FRUSTUM_SHARE = 0.16  # of the distance to the scene, so that a device is seen but hides nothing
 STRAY_SHARE = 0.005  # of the points, at either end of each axis: strays must not shrink the rest
 NEAR_PLANE = 0.01  # of the distance: what is drawn as lying on it
+EYE = np.array([0.95, -0.75, 0.5])  # in Plotly's axes: x to the right, y away from the camera, z up
+EYE_DISTANCE = 0.85  # of the box's diagonal
 ORIGIN = RigidTransform(np.eye(3), np.zeros(3))
 Trace = dict[str, Any]
 
@@ -69,7 +71,7 @@ def scene_chart(
             **axes,
             "aspectmode": "data",
             "dragmode": "turntable",
-            "camera": {"eye": {"x": -0.95, "y": -1.05, "z": 0.55}, "center": {"x": 0, "y": 0, "z": -0.05}},
+            "camera": {"eye": _eye(high - low)},
         },
         "legend": {"x": 0, "y": 0, "yanchor": "bottom", "itemsizing": "constant", "tracegroupgap": 0},
         "showlegend": True,
@@ -179,6 +181,16 @@ def _frustum(device: Device, outline: FloatArray, unit: LengthUnit) -> list[Trac
 def _coordinates(points: FloatArray, unit: LengthUnit) -> dict[str, list[float | None]]:
     x, y, z = (numbers(unit.factor * column) for column in points.T)
     return {"x": x, "y": z, "z": y}
+
+
+def _eye(extent: FloatArray) -> dict[str, float]:
+    """From behind the devices, aside and above, as far off as shows everything.
+
+    Plotly measures in the geometric mean of the three sides of the box.
+    """
+    distance = EYE_DISTANCE * float(np.linalg.norm(extent) / np.cbrt(np.prod(extent)))
+    x, y, z = (distance * EYE / np.linalg.norm(EYE)).tolist()
+    return {"x": x, "y": y, "z": z}
 
 
 def _bounds(points: FloatArray, always: FloatArray) -> tuple[FloatArray, FloatArray]:

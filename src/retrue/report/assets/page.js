@@ -57,8 +57,15 @@ function sized(plot, width) {
   if (layout.scene) {
     layout.margin = SCENE_MARGIN;
     layout.scene.domain = { x: [0, 1], y: [narrow ? 0.2 : 0.08, 1] }; // the legend lies below
+    const eye = layout.scene.camera.eye;
+    if (narrow) for (const axis in eye) eye[axis] *= 1.25;
   }
+  if (narrow) figure.data.forEach(shrinkMarkers);
   return { data: figure.data, layout };
+}
+
+function shrinkMarkers(trace) {
+  if (trace.type === "scatter" && typeof trace.marker.size === "number") trace.marker.size *= 0.6;
 }
 
 function draw(plot, width = plot.element.clientWidth) {
