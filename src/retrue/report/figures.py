@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from retrue.geometry.arrays import FloatArray, Image
 
-WIDEST_PICTURE = 1280  # pixels; a laptop shows no more
+WIDEST_PICTURE = 1024  # pixels; a page shows no more
 QUALITY = 82  # of its JPEG
 
 
