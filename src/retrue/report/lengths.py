@@ -55,7 +55,9 @@ def figures(value: float | None, count: int = 3) -> str:
     """
     if value is None or not math.isfinite(value):
         return MISSING
-    if isinstance(value, int) or abs(value) < SMALLEST or abs(value) >= 10 ** (count - 1):
+    if abs(value) < SMALLEST:
+        return "0"
+    if isinstance(value, int) or abs(value) >= 10 ** (count - 1):
         return f"{value:.0f}"
     return f"{value:.{count - 1 - math.floor(math.log10(abs(value)))}f}"
 

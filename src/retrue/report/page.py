@@ -134,8 +134,12 @@ def page_html(page: Page, provenance: Provenance) -> str:
         provenance=provenance,
         style=_asset("page.css"),
         script=_asset("page.js"),
-        plotly=_packed_plotly(),
+        plotly=_packed_plotly() if _is_drawn(page) else "",
     )
+
+
+def _is_drawn(page: Page) -> bool:
+    return any(isinstance(block, Chart | Tabs) for section in page.sections for block in section.blocks)
 
 
 def _asset(name: str) -> str:

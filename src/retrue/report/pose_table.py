@@ -20,14 +20,15 @@ def change_table(change: PoseChange, sigma: PoseSigma | None, distance: float | 
         ("Direction of t", degrees(change.translation_deg), degrees(known.translation_deg)),
         ("Length of t", unit.text(change.length), MISSING),
     ]
+    caption = "Sigma is one standard deviation."
     if distance is not None:
+        caption += " The last row is what it costs: how far a measured point lands elsewhere, RMS over the picture."
         name = f"A point measured at {unit.text(distance)}"
         rows.append((name, unit.text(change.displacement), unit.text(known.displacement)))
     return Table(
         ("", "change", "sigma"),
         tuple(rows),
-        "Sigma is one standard deviation. The last row is what it costs: how far a measured point lands elsewhere,"
-        " RMS over the picture.",
+        caption,
     )
 
 

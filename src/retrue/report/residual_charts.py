@@ -19,6 +19,7 @@ from retrue.rig import Rig
 
 MOST_POINTS = 4000  # drawn in a picture; more only hide it
 MOST_ARROWS = 500
+PALE = 0.45  # opacity of a photograph behind points: its own colors must not be taken for theirs
 ARROW_SHARE = 0.03  # of the picture's width: what a large residual is drawn as
 BINS = 48
 SMALLEST_PX = 1e-4
@@ -41,13 +42,13 @@ def point_picture(rig: Rig, capture: SeenCapture, limits: tuple[float, float]) -
         "customdata": numbers(residual[rows], 3),
         "hovertemplate": "pixel %{x:.1f}, %{y:.1f}<br>residual %{customdata} px<extra></extra>",
         "marker": {
-            "size": 5 if len(x) < 2500 else 4,
+            "size": 6 if len(x) < 2500 else 4,
             "color": numbers(np.log10(np.maximum(residual[rows], SMALLEST_PX)), 3),
             "coloraxis": "coloraxis",
             "line": {"width": 0},
         },
     }
-    layout = picture_layout(rig.camera.size, capture.picture, 0.75)
+    layout = picture_layout(rig.camera.size, capture.picture, PALE)
     layout["coloraxis"] = {
         "colorscale": RESIDUAL_COLORS,
         "cmin": low,
@@ -56,11 +57,11 @@ def point_picture(rig: Rig, capture: SeenCapture, limits: tuple[float, float]) -
             "orientation": "h",
             "thickness": 8,
             "len": 0.6,
-            "y": -0.06,
+            "y": -0.05,
             "yanchor": "top",
             "tickvals": numbers(np.log10(ticks)),
             "ticktext": [f"{tick:g}" for tick in ticks],
-            "title": {"text": "residual, px", "side": "bottom"},
+            "title": {"text": "residual, px", "side": "top"},
         },
     }
     layout["margin"] = {**layout["margin"], "b": 84}
@@ -92,7 +93,7 @@ def arrow_picture(rig: Rig, capture: SeenCapture) -> Chart:
         "marker": {"symbol": "arrow", "angleref": "previous", "size": [0, 7, 0] * len(rows), "color": "var(--mark)"},
     }
     return Chart(
-        {"data": [trace], "layout": picture_layout(rig.camera.size, capture.picture, 0.35)},
+        {"data": [trace], "layout": picture_layout(rig.camera.size, capture.picture, PALE)},
         "Residuals as arrows over the photograph",
         f"Arrows are {figures(factor)} times as long as the residuals, and point across the epipolar lines."
         " Chance points everywhere; neighbours that agree point at the lens model or at something that moved.",

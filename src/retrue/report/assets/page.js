@@ -3,6 +3,8 @@
 
 const SCENE_MARGIN = { l: 0, r: 0, t: 0, b: 0 };
 const TALLEST = 600; // pixels: a drawing should fit on a screen with its caption
+const IDLE = 1500; // milliseconds after which nobody minds that something else is drawn
+const PAPER = { picture: 500, chart: 680 }; // pixels: two photographs to a sheet
 const plots = [];
 
 async function unpackPlotly() {
@@ -84,6 +86,11 @@ async function keepPicture(plot) {
   plot.picture.src = await Plotly.toImage({ data, layout }, { format: "png", width: 1000, height: layout.height, scale: 1 });
 }
 
+async function keepPictures() {
+  for (const plot of plots) await keepPicture(plot);
+  document.documentElement.dataset.printable = "yes";
+}
+
 function withPaperColors(work) {
   document.documentElement.classList.add("paper");
   try {
@@ -141,14 +148,14 @@ async function start() {
   addEventListener("resize", () => plots.filter((plot) => plot.element.clientWidth !== plot.width).forEach((plot) => draw(plot)));
   addEventListener("beforeprint", () => {
     document.documentElement.classList.add("paper");
-    plots.forEach((plot) => plot.figure.layout.scene || draw(plot, 680));
+    plots.forEach((plot) => plot.figure.layout.scene || draw(plot, plot.aspect > 0.5 ? PAPER.picture : PAPER.chart));
   });
   addEventListener("afterprint", () => {
     document.documentElement.classList.remove("paper");
     plots.forEach((plot) => draw(plot));
   });
-  for (const plot of plots) await keepPicture(plot);
   document.documentElement.dataset.ready = "yes";
+  setTimeout(keepPictures, IDLE);
 }
 
 start();
