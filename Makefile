@@ -3,7 +3,7 @@ PYTHON ?= python3
 BIN := .venv/bin
 COMPILE := $(BIN)/uv pip compile --quiet --universal --generate-hashes --python-version 3.11 --no-header --no-annotate
 
-.PHONY: test demo format lock clean
+.PHONY: test demo browser format lock clean
 
 test: .venv/dev.stamp
 	$(BIN)/ruff check .
@@ -14,6 +14,9 @@ test: .venv/dev.stamp
 
 demo: .venv/run.stamp
 	$(BIN)/retrue demo --out demo-out
+
+browser:  # for the tests of the HTML reports, on Debian; without it they are skipped
+	apt-get install --yes chromium
 
 format: .venv/dev.stamp
 	$(BIN)/ruff check --fix .

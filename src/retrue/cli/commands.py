@@ -42,7 +42,7 @@ EXAMPLES: dict[str, tuple[str, ...]] = {
     ),
     "decode": ("retrue decode wall.jpg --pattern pattern.json --out points.csv",),
     "calibrate": (
-        "retrue calibrate capture_*/ --pattern pattern.json --board chessboard:7x9:75mm \\\n      --out rig.json",
+        "retrue calibrate capture_*/ --pattern pattern.json \\\n      --board chessboard:7x9:75mm --out rig.json",
     ),
     "recalibrate": (
         "retrue recalibrate rig.json wall.jpg --pattern pattern.json --out new.json",
@@ -50,11 +50,11 @@ EXAMPLES: dict[str, tuple[str, ...]] = {
     ),
     "verify": ("retrue verify rig.json wall.jpg --pattern pattern.json",),
     "reconstruct": ("retrue reconstruct rig.json scene.jpg --pattern pattern.json --out cloud.ply",),
-    "watch": ("retrue watch rig.json incoming/ --pattern pattern.json",),
+    "watch": ("retrue watch rig.json incoming/ --pattern pattern.json --out watch-out",),
     "history": ("retrue history rig.json --plot drift.png",),
     "rollback": ("retrue rollback rig.json 3",),
     "diff": ("retrue diff rig.json new.json --working-distance 1500",),
-    "convert": ("retrue convert rig.json --to opencv-stereo --out stereo.yml",),
+    "convert": ("retrue convert rig.json stereo.yml --to procam-calibration",),
     "experiment": ("retrue experiment noise --out experiment-out",),
     "completion": (
         "retrue completion bash > ~/.local/share/bash-completion/completions/retrue",

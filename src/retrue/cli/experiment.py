@@ -67,7 +67,7 @@ class Experiment(Command):
         for kind, content in files.items():
             with replaced_file(paths[kind]) as stream:
                 stream.write(content)
-        text = "\n".join([study.table.text(), *study.remarks, f"written to {folder}"])
+        text = "\n".join([study.table.text(width=80), *study.remarks, f"written to {folder}"])
         report = {"experiment": study.name, "files": [str(path) for path in paths.values()], "remarks": study.remarks}
         return Outcome(report, text)
 
