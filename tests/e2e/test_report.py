@@ -62,8 +62,8 @@ def test_reconstruct(retrue, files, page):
     run = retrue("reconstruct", files.rig, files.points, "--out", cloud, "--mesh", mesh, "--report", page, "--json")
     assert run.status == 0
     said = words(page)
-    assert f"{run.json['points']} of 600 correspondences were placed in space" in said
-    assert f"Faces {run.json['faces']}" in said
+    assert f"{run.json['points']:,} of 600 correspondences were placed in space" in said
+    assert f"Faces {run.json['faces']:,}" in said
 
 
 def test_calibrate(retrue, board, page, tmp_path):

@@ -109,6 +109,7 @@ class Verification:
     verdict : "good", "drifted" or "unknown".
     epipolar_rms_px : of the capture's points under the rig as it stands.
     drift : from the rig to the pose that the capture itself supports; None when unknown.
+    supported_pose : projector_from_camera that the capture itself supports, with the rig's |t|; None as `drift`.
     drift_sigmas : Mahalanobis length of that drift in the sigma of the capture (chi with 5 degrees of freedom).
     """
 
@@ -119,3 +120,4 @@ class Verification:
     drift: PoseChange | None = None
     drift_sigmas: float | None = None
     sigma: PoseSigma | None = None
+    supported_pose: RigidTransform | None = None

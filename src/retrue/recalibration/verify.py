@@ -93,12 +93,13 @@ def verify(rig: Rig, captures: Sequence[Correspondences], options: VerifyOptions
         fit.covariance + systematic_covariance(rig, rays.points, fit, options.estimate) + _rig_covariance(rig, options)
     )
     distance = float(np.sqrt(difference @ np.linalg.solve(covariance, difference)))
-    found = change(old, RigidTransform(fit.pose.R, fit.pose.t * np.linalg.norm(old.t)))
+    supported = RigidTransform(fit.pose.R, fit.pose.t * np.linalg.norm(old.t))
+    found = change(old, supported)
     uncertainty = sigma(covariance)
     limit = _distance_limit(options.false_alarms)
 
     def verdict(word: Literal["good", "drifted", "unknown"], reason: str) -> Verification:
-        return Verification(word, reason, epipolar_rms, total, found, distance, uncertainty)
+        return Verification(word, reason, epipolar_rms, total, found, distance, uncertainty, supported_pose=supported)
 
     moved = f"{found.rotation_deg:.3f} deg in rotation, {found.translation_deg:.3f} deg in the direction of t"
     problem = inconsistency(fit, rays, estimate, options.estimate)

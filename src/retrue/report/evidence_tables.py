@@ -35,7 +35,7 @@ def evidence_blocks(before: Rig, evidence: Evidence, unit: LengthUnit) -> tuple[
         blocks.append(_candidates_table(before, evidence.candidates, unit))
     rows = detail_rows(evidence.details)
     if rows:
-        blocks.append(Table(("Evidence", ""), (("Correspondences", str(evidence.correspondences)), *rows)))
+        blocks.append(Table(("Evidence", ""), (("Correspondences", figures(evidence.correspondences)), *rows)))
     return tuple(blocks)
 
 

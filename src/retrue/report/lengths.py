@@ -48,16 +48,18 @@ def shown_unit(unit: str) -> LengthUnit:
 
 
 def figures(value: float | None, count: int = 3) -> str:
-    """So many significant figures, never in powers of ten; counts, and what is larger, in full.
+    """So many significant figures, never in powers of ten; what is larger in full, counts by thousands.
 
-    >>> figures(0.012345), figures(1234.5), figures(-2.0), figures(7), figures(float("nan"))
-    ('0.0123', '1234', '-2.00', '7', '–')
+    >>> figures(0.012345), figures(1234.5), figures(-2.0), figures(70000), figures(float("nan"))
+    ('0.0123', '1234', '-2.00', '70,000', '–')
     """
     if value is None or not math.isfinite(value):
         return MISSING
     if abs(value) < SMALLEST:
         return "0"
-    if isinstance(value, int) or abs(value) >= 10 ** (count - 1):
+    if isinstance(value, int):
+        return f"{value:,}"
+    if abs(value) >= 10 ** (count - 1):
         return f"{value:.0f}"
     return f"{value:.{count - 1 - math.floor(math.log10(abs(value)))}f}"
 

@@ -21,7 +21,7 @@ def change_table(change: PoseChange, sigma: PoseSigma | None, distance: float | 
         ("Length of t", unit.text(change.length), MISSING),
     ]
     caption = "Sigma is one standard deviation."
-    if distance is not None:
+    if distance is not None and change.displacement is not None:
         caption += " The last row is what it costs: how far a measured point lands elsewhere, RMS over the picture."
         name = f"A point measured at {unit.text(distance)}"
         rows.append((name, unit.text(change.displacement), unit.text(known.displacement)))

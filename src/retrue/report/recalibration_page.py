@@ -7,7 +7,7 @@ from dataclasses import replace
 
 from retrue.recalibration.result import Accepted, Evidence, PoseSigma, Refused
 from retrue.report.evidence_tables import evidence_blocks
-from retrue.report.lengths import LengthUnit, degrees, pixels, shown_unit
+from retrue.report.lengths import LengthUnit, degrees, figures, pixels, shown_unit
 from retrue.report.page import Fact, Page, Section
 from retrue.report.pose_table import change_table, pose_table
 from retrue.report.residual_section import median_residual, residual_section
@@ -81,7 +81,7 @@ def _facts(
 ) -> tuple[Fact, ...]:
     change, sigma = evidence.change, evidence.sigma or PoseSigma(float("nan"), float("nan"))
     if after is None or change is None:
-        return (Fact("Correspondences", str(evidence.correspondences)), Fact("RMS", pixels(evidence.rms_px)))
+        return (Fact("Correspondences", figures(evidence.correspondences)), Fact("RMS", pixels(evidence.rms_px)))
     facts = [
         Fact("Rotation", degrees(change.rotation_deg), f"± {degrees(sigma.rotation_deg)}"),
         Fact("Direction of t", degrees(change.translation_deg), f"± {degrees(sigma.translation_deg)}"),

@@ -6,7 +6,7 @@ import numpy as np
 
 from retrue.reconstruction.cloud import Cloud
 from retrue.report.evidence_tables import detail_rows
-from retrue.report.lengths import pixels, shown_unit
+from retrue.report.lengths import figures, pixels, shown_unit
 from retrue.report.page import Fact, Page, Section, Table
 from retrue.report.residual_section import median_residual, residual_section
 from retrue.report.rig_scene import rig_scene
@@ -29,17 +29,17 @@ def reconstruction_page(rig: Rig, capture: SeenCapture, cloud: Cloud, *, faces: 
         *detail_rows(cloud.card),
     ]
     facts = [
-        Fact("Points", str(len(cloud)), f"of {len(capture.points)} correspondences"),
+        Fact("Points", figures(len(cloud)), f"of {len(capture.points):,} correspondences"),
         Fact("Distance (median)", unit.text(middle), f"{unit.number(near)} to {unit.text(far)}"),
         Fact("Rays miss by (median)", pixels(median_residual(rig, [capture]))),
     ]
     if faces is not None:
-        facts.insert(1, Fact("Faces", str(faces)))
+        facts.insert(1, Fact("Faces", figures(faces)))
     return Page(
         "reconstruct",
-        f"{len(cloud)} points",
+        f"{len(cloud):,} points",
         "good",
-        f"{len(cloud)} of {len(capture.points)} correspondences were placed in space, {unit.text(near)} to"
+        f"{len(cloud):,} of {len(capture.points):,} correspondences were placed in space, {unit.text(near)} to"
         f" {unit.text(far)} from the camera.",
         tuple(facts),
         (

@@ -23,17 +23,18 @@ PALE = 0.45  # opacity of a photograph behind points: its own colors must not be
 ARROW_SHARE = 0.03  # of the picture's width: what a large residual is drawn as
 BINS = 48
 SMALLEST_PX = 1e-4
-RESIDUAL_COLORS = ((0.0, "#2166ac"), (0.3, "#67b7d1"), (0.55, "#f6e08a"), (0.78, "#ef8a47"), (1.0, "#b2182b"))
+COLOR_LIMITS_PX = (0.01, 10.0)  # the same on every page, so that a color means the same everywhere
+RESIDUAL_COLORS = ((0.0, "#2166ac"), (0.33, "#67b7d1"), (0.55, "#f6e08a"), (0.72, "#ef8a47"), (1.0, "#b2182b"))
 
 
-def point_picture(rig: Rig, capture: SeenCapture, limits: tuple[float, float]) -> Chart:
-    """The photograph with every decoded point (thinned), colored by its residual on a scale of powers of ten."""
+def point_picture(rig: Rig, capture: SeenCapture) -> Chart:
+    """The photograph with every decoded point (thinned), colored by its residual; one scale for all pages."""
     residual = np.abs(epipolar_residuals(rig, capture.points))
     rows = every(len(residual), MOST_POINTS)
     x, y = capture.points.camera_px[rows].T
-    low, high = (math.log10(limit) for limit in limits)
-    ticks = _decades(*limits)
-    shown = f"{len(x)} of {len(residual)}" if len(x) < len(residual) else f"{len(residual)}"
+    low, high = (math.log10(limit) for limit in COLOR_LIMITS_PX)
+    ticks = _decades(*COLOR_LIMITS_PX)
+    shown = f"{len(x):,} of {len(residual):,}" if len(x) < len(residual) else f"{len(residual):,}"
     trace = {
         "type": "scatter",
         "mode": "markers",
@@ -104,7 +105,7 @@ def arrow_picture(rig: Rig, capture: SeenCapture) -> Chart:
 
 def residual_histogram(residuals: Mapping[str, tuple[FloatArray, str]]) -> Chart:
     """How many points miss by how much, on a scale of powers of ten; of each (name: (residuals, color))."""
-    low, high = residual_limits([values for values, _ in residuals.values()], 0.01, 0.995)
+    low, high = _limits([values for values, _ in residuals.values()])
     edges, ticks = np.geomspace(low, high, BINS + 1), _decades(low, high)
     middles = np.sqrt(edges[1:] * edges[:-1])
     traces: list[dict[str, Any]] = []
@@ -141,20 +142,20 @@ def residual_histogram(residuals: Mapping[str, tuple[FloatArray, str]]) -> Chart
     return Chart(
         {"data": traces, "layout": layout},
         "Histogram of residuals",
-        f"All points are counted. Median: {medians}.",
+        f"All points are counted, those beyond the ends at the ends. Median: {medians}.",
         0.2,
         110,
     )
 
 
-def residual_limits(residuals: list[FloatArray], least: float = 0.05, most: float = 0.98) -> tuple[float, float]:
+def _limits(residuals: list[FloatArray]) -> tuple[float, float]:
     """A scale that holds nearly all of them, at least a decade long."""
     sizes = [np.abs(values[np.isfinite(values)]) for values in residuals]
     sizes = [size for size in sizes if len(size)]
     if not sizes:
         return 0.01, 1.0
-    low = max(min(float(np.quantile(size, least)) for size in sizes), SMALLEST_PX)
-    return low, max(max(float(np.quantile(size, most)) for size in sizes), 10 * low)
+    low = max(min(float(np.quantile(size, 0.01)) for size in sizes), SMALLEST_PX)
+    return low, max(max(float(np.quantile(size, 0.995)) for size in sizes), 10 * low)
 
 
 def _across(rig: Rig, capture: SeenCapture, rows: IntArray) -> FloatArray:

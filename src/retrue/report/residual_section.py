@@ -9,7 +9,7 @@ import numpy as np
 from retrue.geometry.arrays import FloatArray
 from retrue.reconstruction.reconstruct import epipolar_residuals
 from retrue.report.page import Chart, Section, Tabs
-from retrue.report.residual_charts import arrow_picture, point_picture, residual_histogram, residual_limits
+from retrue.report.residual_charts import arrow_picture, point_picture, residual_histogram
 from retrue.report.seen import SeenCapture
 from retrue.rig import Rig
 
@@ -26,21 +26,20 @@ def residual_section(rigs: Mapping[str, Rig], captures: Sequence[SeenCapture]) -
     if total == 0:
         return Section("What was decoded", "No correspondences.", ())
     values = {name: residuals_of(rig, captures) for name, rig in rigs.items()}
-    limits = residual_limits(list(values.values()))
     first = next(iter(rigs))
     panels: list[tuple[str, Chart]] = []
     shown = [capture for capture in captures if len(capture.points)][:MOST_CAPTURES]
     if len(shown) == 1:
-        panels += [(name, point_picture(rig, shown[0], limits)) for name, rig in rigs.items()]
+        panels += [(name, point_picture(rig, shown[0])) for name, rig in rigs.items()]
         panels.append(("Arrows", arrow_picture(rigs[first], shown[0])))
     else:
-        panels += [(capture.name, point_picture(rigs[first], capture, limits)) for capture in shown]
+        panels += [(capture.name, point_picture(rigs[first], capture)) for capture in shown]
         panels += [(f"Arrows: {capture.name}", arrow_picture(rigs[first], capture)) for capture in shown]
     colored = {name: (values[name], color) for name, color in zip(rigs, COLORS, strict=False)}
     names = captures[0].name if len(captures) == 1 else f"{len(captures)} captures"
     return Section(
         "What was decoded",
-        f"{total} correspondences in {names}. The two rays of a point should meet; its residual is by how many pixels"
+        f"{total:,} correspondences in {names}. The two rays of a point should meet; its residual is by how many pixels"
         " they miss.",
         (Tabs(tuple(panels)), residual_histogram(colored)),
     )

@@ -7,6 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from retrue.errors import DegenerateError
+from retrue.geometry.transform import RigidTransform
 from retrue.recalibration.result import PoseCandidate
 from retrue.reconstruction.cloud import Cloud
 from retrue.reconstruction.reconstruct import reconstruct
@@ -39,14 +40,17 @@ def cloud_of(rig: Rig, captures: Sequence[SeenCapture]) -> Cloud | None:
     )
 
 
-def rig_scene(rig: Rig, cloud: Cloud | None, unit: LengthUnit) -> Block:
-    """Both devices as the rig says, and the cloud."""
+def rig_scene(rig: Rig, cloud: Cloud | None, unit: LengthUnit, supported: RigidTransform | None = None) -> Block:
+    """Both devices as the rig says, and the cloud; beside them, where a capture has the projector."""
     if cloud is None:
         return NOTHING
     devices = [
         Device("camera", rig.camera, ORIGIN, "var(--camera)"),
         Device("projector", rig.projector, rig.projector_from_camera.inverse(), "var(--after)"),
     ]
+    if supported is not None:
+        name = "projector, as the capture has it"
+        devices.append(Device(name, rig.projector, supported.inverse(), "var(--mark)", faint=True))
     return scene_chart(
         devices, [cloud_trace(cloud, unit, "points")], cloud.points, unit, "Devices and points in space", HOW_TO_TURN
     )

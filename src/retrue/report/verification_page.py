@@ -22,7 +22,13 @@ def verification_page(rig: Rig, captures: Sequence[SeenCapture], verification: V
     unit, cloud = shown_unit(rig.unit), cloud_of(rig, captures)
     distance = None if cloud is None else float(np.median(cloud.points[:, 2]))
     problem, advice = problem_and_advice(verification.reason)
-    sections = [Section("In space", "The points as this rig measures them.", (rig_scene(rig, cloud, unit),))]
+    sections = [
+        Section(
+            "In space",
+            "The points as this rig measures them.",
+            (rig_scene(rig, cloud, unit, verification.supported_pose),),
+        )
+    ]
     if verification.drift is not None:
         table = change_table(verification.drift, verification.sigma, distance, unit)
         lead = "From the rig's pose to the one that the captures support by themselves."
@@ -42,7 +48,7 @@ def verification_page(rig: Rig, captures: Sequence[SeenCapture], verification: V
 
 def _counts(verification: Verification) -> Block:
     rows = (
-        ("Correspondences", str(verification.correspondences)),
+        ("Correspondences", figures(verification.correspondences)),
         ("Epipolar RMS under this rig", pixels(verification.epipolar_rms_px)),
         ("Drift, in sigma", figures(verification.drift_sigmas)),
     )
@@ -54,13 +60,13 @@ def _counts(verification: Verification) -> Block:
 
 
 def _facts(verification: Verification, missed: float) -> tuple[Fact, ...]:
-    facts = [Fact("Rays miss by (median)", pixels(missed), f"{verification.correspondences} correspondences")]
+    facts = [Fact("Rays miss by (median)", pixels(missed), f"{verification.correspondences:,} correspondences")]
     drift, sigma = verification.drift, verification.sigma
     if drift is None or sigma is None:
         return tuple(facts)
     return (
         Fact("Rotation is off by", degrees(drift.rotation_deg), f"± {degrees(sigma.rotation_deg)}"),
         Fact("Direction of t is off by", degrees(drift.translation_deg), f"± {degrees(sigma.translation_deg)}"),
-        Fact("Drift", f"{figures(verification.drift_sigmas)} sigma"),
+        Fact("Drift", f"{figures(verification.drift_sigmas, 2)} sigma"),
         *facts,
     )

@@ -87,7 +87,7 @@ async function keepPicture(plot) {
 }
 
 async function keepPictures() {
-  for (const plot of plots) await keepPicture(plot);
+  for (const plot of plots) await keepPicture(plot).catch(() => {}); // without WebGL there is none to keep
   document.documentElement.dataset.printable = "yes";
 }
 
@@ -139,10 +139,19 @@ function listenToTabs() {
   }
 }
 
+function explain(error) {
+  for (const { element } of plots) element.textContent = `This browser cannot show the drawing: ${error.message}`;
+}
+
 async function start() {
   listenToTabs();
   readPlots();
-  await unpackPlotly();
+  try {
+    await unpackPlotly();
+  } catch (error) {
+    explain(error);
+    return;
+  }
   for (const plot of plots) await draw(plot);
   matchMedia("(prefers-color-scheme: dark)").addEventListener("change", () => plots.forEach((plot) => draw(plot)));
   addEventListener("resize", () => plots.filter((plot) => plot.element.clientWidth !== plot.width).forEach((plot) => draw(plot)));
