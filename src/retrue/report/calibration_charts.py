@@ -17,7 +17,7 @@ from retrue.report.residual_charts import round_factor
 from retrue.report.scene import ORIGIN, Device, outline_trace, scene_chart
 from retrue.rig import Rig
 
-ARROW_SHARE = 0.03  # of the picture's width
+ARROW_SHARE = 0.015  # of the picture's width: how long a typical residual is drawn
 VIEW_COLORS = ("#4c94e0", "#df8440", "#3aa876", "#b96bd0", "#cf9d1c", "#dc625c", "#4bafbd", "#8f84e8")
 
 

@@ -44,7 +44,7 @@ def reconstruction_page(rig: Rig, capture: SeenCapture, cloud: Cloud, *, faces: 
         tuple(facts),
         (
             Section("In space", "", (rig_scene(rig, cloud, unit),)),
-            residual_section({"As the rig stands": rig}, [capture]),
+            residual_section({"With this rig": rig}, [capture]),
             Section(
                 "What was kept",
                 "One part in 200 at either end is left out of these sizes.",

@@ -20,7 +20,8 @@ from retrue.rig import Rig
 MOST_POINTS = 4000  # drawn in a picture; more only hide it
 MOST_ARROWS = 500
 PALE = 0.45  # opacity of a photograph behind points: its own colors must not be taken for theirs
-ARROW_SHARE = 0.03  # of the picture's width: what a large residual is drawn as
+ARROW_SHARE = 0.02  # of the picture's width: how long a typical residual is drawn
+LONGEST_ARROW = 0.2  # of the picture's width
 BINS = 48
 SMALLEST_PX = 1e-4
 COLOR_LIMITS_PX = (0.01, 10.0)  # the same on every page, so that a color means the same everywhere
@@ -80,9 +81,10 @@ def arrow_picture(rig: Rig, capture: SeenCapture) -> Chart:
     residual = epipolar_residuals(rig, capture.points)
     finite = np.flatnonzero(np.isfinite(residual))
     rows = finite[every(len(finite), MOST_ARROWS)]
+    factor = round_factor(np.abs(residual[finite]), ARROW_SHARE * rig.camera.size[0])
+    rows = rows[factor * np.abs(residual[rows]) < LONGEST_ARROW * rig.camera.size[0]]
     start = capture.points.camera_px[rows]
     across = _across(rig, capture, rows) * residual[rows, None]
-    factor = round_factor(np.abs(residual[finite]), ARROW_SHARE * rig.camera.size[0])
     line = polyline(np.stack([start, start + factor * across], axis=1))
     trace = {
         "type": "scatter",
@@ -91,13 +93,20 @@ def arrow_picture(rig: Rig, capture: SeenCapture) -> Chart:
         "y": numbers(line[:, 1]),
         "hoverinfo": "skip",
         "line": {"color": "var(--mark)", "width": 1.5},
-        "marker": {"symbol": "arrow", "angleref": "previous", "size": [0, 7, 0] * len(rows), "color": "var(--mark)"},
+        "marker": {
+            "symbol": "arrow",
+            "angleref": "previous",
+            "size": [0, 6, 0] * len(rows),
+            "color": "var(--mark)",
+            "line": {"width": 0},
+        },
     }
     return Chart(
         {"data": [trace], "layout": picture_layout(rig.camera.size, capture.picture, PALE)},
         "Residuals as arrows over the photograph",
-        f"Arrows are {figures(factor)} times as long as the residuals, and point across the epipolar lines."
-        " Chance points everywhere; neighbours that agree point at the lens model or at something that moved.",
+        f"Arrows are {figures(factor)} times as long as the residuals, and point across the epipolar lines"
+        " (strays beyond a fifth of the width are left out). Chance points everywhere; neighbours that agree point at"
+        " the lens model or at something that moved.",
         _aspect(rig),
         36,
     )
@@ -170,9 +179,9 @@ def _across(rig: Rig, capture: SeenCapture, rows: IntArray) -> FloatArray:
 
 
 def round_factor(size: FloatArray, length: float) -> float:
-    """1, 2 or 5 times a power of ten, so that a large residual becomes about as long as `length`."""
-    large = float(np.quantile(size, 0.95)) if len(size) else 1.0
-    wanted = length / max(large, SMALLEST_PX)
+    """1, 2 or 5 times a power of ten, so that a typical residual becomes about as long as `length`."""
+    typical = float(np.median(size)) if len(size) else 1.0
+    wanted = length / max(typical, SMALLEST_PX)
     decade = 10.0 ** math.floor(math.log10(wanted))
     return max(step * decade for step in (1, 2, 5) if step * decade <= wanted)
 

@@ -38,7 +38,7 @@ function theme(style) {
       paper_bgcolor: "rgba(0,0,0,0)",
       plot_bgcolor: "rgba(0,0,0,0)",
       margin: { l: 48, r: 12, t: 12, b: 44 },
-      hoverlabel: { bgcolor: card, bordercolor: line, font: { color: ink }, align: "left" },
+      hoverlabel: { bgcolor: card, bordercolor: line, font: { color: ink, family: getComputedStyle(document.body).fontFamily }, align: "left" },
       legend: { orientation: "h", x: 0, y: 1, yanchor: "bottom", font: { color: ink }, bgcolor: "rgba(0,0,0,0)" },
       modebar: { bgcolor: "rgba(0,0,0,0)", color: muted, activecolor: ink },
       coloraxis: { colorbar: { outlinewidth: 0, tickfont: { color: muted }, title: { font: { color: muted } } } },
