@@ -66,13 +66,16 @@ def call_tyro(arguments: Sequence[str]) -> Command:
 
 
 def _explained(arguments: Sequence[str], complaint: str) -> str:
-    """An unknown option gets the nearest one beside it; all else as tyro says it, less its box."""
+    """What is missing by name, an unknown option with the nearest one; all else as tyro says it, less its box."""
     options = _options(COMMANDS[arguments[0]]) if arguments[0] in COMMANDS else []
     if "Unrecognized" in complaint:
         for word in (word.partition("=")[0] for word in arguments[1:] if word.startswith("--")):
             if word not in options and word not in HELP:
                 help_says = f"retrue {arguments[0]} --help lists all"
                 return f"{word}: retrue {arguments[0]} has no such option; {_nearest(word, options) or help_says}"
+    if "Missing from" in complaint:
+        names = re.findall(r"^\W {5}(\S.*?) +\W$", complaint.partition("For full helptext")[0], re.MULTILINE)
+        return f"retrue {arguments[0]}: missing {', '.join(names)}; retrue {arguments[0]} --help has an example"
     _, _, inside = complaint.partition("\n")
     text = re.sub(r"[\s\u2500-\u257f]+", " ", inside)
     return re.sub(r"Argument helptext:.*(?=For full helptext)", "", text).strip()
