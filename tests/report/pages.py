@@ -49,9 +49,9 @@ def accepted(name: str = "scene.png", unit: str = "m", out: str = "new.json") ->
 
 
 def refused() -> Page:
-    """A wall alone, and a rig file that could come from either of the two poses."""
-    wall = seen(Scene((WALL,)))
-    turned = RigidTransform.from_rotation_vector([0, 0, 1.0], np.zeros(3)).R @ RIG.projector_from_camera.t
+    """A patch of a wall alone, and a rig file that could come from either of the two poses."""
+    wall = SeenCapture("patch.png", capture(Scene((WALL,)), area=(0.4, 0.6, 0.4, 0.6)), photograph())
+    turned = RigidTransform.from_rotation_vector([0, 0, 0.7], np.zeros(3)).R @ RIG.projector_from_camera.t
     before = replace(RIG, projector_from_camera=RigidTransform(RIG.projector_from_camera.R, turned))
     return recalibration_page(before, [wall], recalibrate(before, [wall.points]))
 
