@@ -15,6 +15,7 @@ from retrue.calibration.board import Board
 from retrue.calibration.bundle import Adjusted, adjust
 from retrue.calibration.closed_form import first_camera, with_second
 from retrue.calibration.evidence import gather_evidence, rms_px
+from retrue.calibration.fitted_views import fitted_views
 from retrue.calibration.jacobians import Setup
 from retrue.calibration.lens_terms import LensChoice, choose_lens, fit_with_lens
 from retrue.calibration.observations import CornerObservations, View, corner_group, observation_groups
@@ -195,27 +196,27 @@ def _judge(
     fit, views = solution.fit, solution.views
     error = predicted_error(fit)
     evidence = gather_evidence(fit, views, left_out, solution.dropped, solution.lenses, fixed, error, board.unit)
-    evidence = _finite(evidence)
+    evidence, fitted = _finite(evidence), fitted_views(fit, views)
     angle = normal_spread_deg(fit)
     what_next = "; ".join(evidence["advice"]) or "capture more poses"
     if not all(fixed) and not angle > 5:
-        return RefusedCalibration(f"all boards are parallel within {angle:.1f} degrees; {what_next}", evidence)
+        return RefusedCalibration(f"all boards are parallel within {angle:.1f} degrees; {what_next}", evidence, fitted)
     if not rms_px(fit, views)["all"] <= options.largest_rms_px:
         reason = f"the corners miss by {evidence['rms_px']:.2g} px: is the board as --board says, and flat?"
-        return RefusedCalibration(reason, evidence)
+        return RefusedCalibration(reason, evidence, fitted)
     if not error.relative <= options.largest_error:
         reason = (
             f"these poses leave points uncertain by {error.length:.3g} {board.unit} at {error.distance:.4g} "
             f"{board.unit}; {what_next}"
         )
-        return RefusedCalibration(reason, evidence)
+        return RefusedCalibration(reason, evidence, fitted)
     camera, projector = fit.setup.devices
     rig = Rig(camera, projector, fit.setup.second_from_first, board.unit, evidence)
     reason = (
         f"{len(views)} poses, corners within {evidence['rms_px']:.2f} px RMS, points within {error.length:.2g} "
         f"{board.unit} at {error.distance:.4g} {board.unit}"
     )
-    return Calibrated(rig, reason, evidence)
+    return Calibrated(rig, reason, evidence, fitted)
 
 
 def _too_little(views: list[View], left_out: list[LeftOut], board: Board, known: Known) -> str | None:

@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-import sys
 import time
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 from tyro.conf import OmitArgPrefixes, arg
 
@@ -16,15 +15,22 @@ from retrue.cli.command import (
     DONE,
     REFUSED_OR_DRIFTED,
     CapturePaths,
-    Command,
     Outcome,
-    log,
+    ReportingCommand,
     require_writable,
 )
+from retrue.cli.terminal import terminal
+
+if TYPE_CHECKING:
+    from retrue.calibration.board import Board
+    from retrue.calibration.result import Calibrated, RefusedCalibration
+    from retrue.calibration.views import BoardCapture
+    from retrue.patterns.pattern import Pattern
+    from retrue.report.page import Page
 
 
 @dataclass(frozen=True, kw_only=True)
-class Calibrate(Command):
+class Calibrate(ReportingCommand):
     """Find the intrinsics of both devices and the pose between them, from captures of a printed board.
 
     Attributes
@@ -57,14 +63,13 @@ class Calibrate(Command):
         from retrue.calibration.board import parse_board
         from retrue.calibration.calibrate import calibrate
         from retrue.calibration.result import Calibrated
-        from retrue.calibration.views import Capture
         from retrue.cli.json_output import plain
         from retrue.errors import InputError
         from retrue.files.board_captures import read_board_capture
         from retrue.files.patterns import read_pattern
         from retrue.files.rigs import read_device, write_rig
 
-        require_writable(self.out)
+        require_writable(self.out, self.report)
         if not self.captures:
             raise InputError("expected at least one CAPTURE folder, found none")
         board = parse_board(self.board)
@@ -72,9 +77,10 @@ class Calibrate(Command):
         camera = None if self.camera is None else read_device(self.camera, "camera")
         projector = None if self.projector is None else read_device(self.projector, "projector")
         start = time.perf_counter()
-        captures: list[Capture] = []
-        for number, path in enumerate(self.captures, 1):
-            progress(f"reading {path.name}, {number} of {len(self.captures)}")
+        captures: list[BoardCapture] = []
+        show = terminal.progress("reading captures")
+        for done, path in enumerate(self.captures):
+            show(done, len(self.captures))
             captures.append(read_board_capture(path, pattern))
         result = calibrate(
             captures,
@@ -83,7 +89,7 @@ class Calibrate(Command):
             self.limits,
             camera=camera,
             projector=projector,
-            progress=progress,
+            progress=terminal.status,
         )
         seconds = time.perf_counter() - start
         accepted = isinstance(result, Calibrated)
@@ -94,16 +100,20 @@ class Calibrate(Command):
             "seconds": seconds,
         }
         text = "\n".join([f"{report['verdict']}: {result.reason}", *_described(result.evidence)])
+        page = None if self.report is None else (self.report, self._page(result, captures, board, pattern))
         if not isinstance(result, Calibrated):
-            return Outcome(report, f"{text}\nnothing was written", REFUSED_OR_DRIFTED)
+            return Outcome(report, f"{text}\nnothing was written", REFUSED_OR_DRIFTED, page)
         write_rig(self.out, result.rig)
-        return Outcome(report, f"{text}\n{self.out}: written", DONE)
+        return Outcome(report, f"{text}\n{self.out}: written", DONE, page)
 
+    def _page(
+        self, result: Calibrated | RefusedCalibration, captures: list[BoardCapture], board: Board, pattern: Pattern
+    ) -> Page:
+        from retrue.calibration.views import picture_size
+        from retrue.report.calibration_page import calibration_page
 
-def progress(message: str) -> None:
-    """What is being done, only where somebody watches."""
-    if sys.stderr.isatty():
-        log(message)
+        sizes = {"camera": picture_size(captures[0].white), "projector": pattern.projector_size}
+        return calibration_page(result, sizes, board.unit, out=str(self.out))
 
 
 def _described(evidence: Mapping[str, Any]) -> list[str]:

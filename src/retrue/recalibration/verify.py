@@ -107,7 +107,16 @@ def _verify(rig: Rig, captures: Sequence[Correspondences], total: int, options: 
     def verdict(word: Literal["good", "drifted", "unknown"], says: str | Reason) -> Verification:
         cause = says if isinstance(says, Reason) else None
         return Verification(
-            word, str(says), epipolar_rms, total, found, distance, uncertainty, working_distance=depth, cause=cause
+            word,
+            str(says),
+            epipolar_rms,
+            total,
+            found,
+            distance,
+            uncertainty,
+            working_distance=depth,
+            cause=cause,
+            supported_pose=supported,
         )
 
     # A covariance that is too wide is beyond the reach of its linearisation: no drift can be read from it either.
