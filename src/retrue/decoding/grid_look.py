@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from retrue.decoding.grid_blocks import Blocks, find_blocks
 from retrue.decoding.grid_centres import refine_centres
 from retrue.decoding.grid_colors import separate_colors
+from retrue.decoding.grid_growth import grow
 from retrue.decoding.grid_links import NONE, Links, link_blocks
 from retrue.decoding.grid_sight import GridSight, Verdict
 from retrue.decoding.grid_surface import Joints, in_squares, sound_joints, whole_blocks
@@ -37,7 +38,7 @@ def look(pattern: ColorGrid, picture: Image, halvings: int) -> GridSight:
     scale = 2**halvings
     blocks = find_blocks(_eight_bits(_halved(picture, halvings)))
     links = link_blocks(blocks)
-    label, margin = separate_colors(blocks.color, links.around, pattern.colors)
+    colors, label, margin = separate_colors(blocks.color, links.around, pattern.colors)
     code = code_of(pattern)
     place = place_blocks(code, links, label)
     right = label == code.color(place)
@@ -50,7 +51,13 @@ def look(pattern: ColorGrid, picture: Image, halvings: int) -> GridSight:
     holder, joints = _on_surfaces(code, blocks, links, place, right, holder)
 
     coarse = (held_by(holder, blocks.centre, np.nan) + 0.5) * scale - 0.5
-    centres = refine_centres(picture, coarse, joints, pattern.block / pattern.pitch)
+    duty = pattern.block / pattern.pitch
+    centres = refine_centres(picture, coarse, joints, duty)
+    held = np.isfinite(centres.camera_px[..., 0])
+    amounts = np.where(held[..., None], held_by(holder, colors.amounts(blocks.color), np.nan), np.nan)
+    grown = grow(picture, centres.camera_px, joints.between(held), amounts, colors, code.cells, duty)
+    centres.camera_px[:] = grown.position
+    centres.sigma_px[grown.new] = 0.3
     lost = np.setdiff1d(np.flatnonzero(verdict == Verdict.DECODED), holder[np.isfinite(centres.camera_px[..., 0])])
     verdict[lost] = Verdict.OFF_SURFACE
     return GridSight(
