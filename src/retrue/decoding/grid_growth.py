@@ -17,6 +17,7 @@ SAMPLES = 17  # along a side of a patch
 REACH = 0.56  # pitches from the middle of a patch to its sides
 FARTHEST = 0.06  # pitches from where the surface would have the block
 STRETCH = 0.2  # of its sides
+SKEW = 0.12  # pitches
 UNEVEN = 0.3  # of the step from block to gap, within the block
 SIDE_RANGE = 0.13  # pitches within which a side is looked for
 APART = 0.5  # pitches, least distance between two blocks
@@ -31,18 +32,20 @@ class Patches:
     light : (N, 3) what the middle of the block adds to the darkest place of its pitch.
     offset : (N, 2) of the block from the prediction, along u and v in pitches; NaN where a side is missing.
     stretch : (N, 2) width and height over the expected ones, minus one.
+    skew : (N,) largest distance between the two halves of one side, in pitches.
     uneven : (N,) 90th percentile of the distance from the middle's colour, in steps from block to gap.
     """
 
     light: FloatArray
     offset: FloatArray
     stretch: FloatArray
+    skew: FloatArray
     uneven: FloatArray
 
     def whole(self) -> BoolArray:
         """(N,) whether there is one block, all of it, where it should be."""
         near = np.abs(self.offset).max(axis=1) < FARTHEST
-        return near & (np.abs(self.stretch).max(axis=1) < STRETCH) & (self.uneven < UNEVEN)
+        return near & (self.skew < SKEW) & (np.abs(self.stretch).max(axis=1) < STRETCH) & (self.uneven < UNEVEN)
 
 
 def look_at(picture: Image, p: FloatArray, u: FloatArray, v: FloatArray, duty: float) -> Patches:
@@ -59,23 +62,26 @@ def look_at(picture: Image, p: FloatArray, u: FloatArray, v: FloatArray, duty: f
     def within(share: float) -> IntArray:
         return np.flatnonzero(np.abs(t) < share * duty / 2)
 
-    middle, core, across = within(0.55), within(0.75), within(0.8)
+    middle, core = within(0.55), within(0.75)
+    first, second = np.flatnonzero((t < 0) & (t > -0.4 * duty)), np.flatnonzero((t > 0) & (t < 0.4 * duty))
     color = np.median(patch[:, middle][:, :, middle].reshape(len(p), -1, 3), axis=1)
     light = np.maximum(color - patch.reshape(len(p), -1, 3).min(axis=1), 0)
     step = np.maximum(np.linalg.norm(light, axis=1), 1e-6)[:, None]
     inside = np.linalg.norm(patch[:, core][:, :, core] - color[:, None, None], axis=-1).reshape(len(p), -1) / step
-    lines = np.stack([patch[:, across].mean(axis=1), patch[:, :, across].mean(axis=2)], axis=1)
-    change = np.linalg.norm(lines - color[:, None, None], axis=-1) / step[..., None]  # (N, 2, SAMPLES)
+    along_u = [patch[:, lines].mean(axis=1) for lines in (first, second)]
+    along_v = [patch[:, :, lines].mean(axis=2) for lines in (first, second)]
+    lines = np.stack([*along_u, *along_v], axis=1)
+    change = np.linalg.norm(lines - color[:, None, None], axis=-1) / step[..., None]
     half = SAMPLES // 2
     ahead, behind = change[..., half:], change[..., half::-1]
-    after, before = _side(ahead, t[half:], duty), _side(behind, t[half:], duty)
-    return Patches(
-        light, (after - before) / 2, (after + before) / duty - 1, np.percentile(inside, 90, axis=1)
-    )
+    sides = np.stack([_side(ahead, t[half:], duty), _side(behind, t[half:], duty)]).reshape(2, len(p), 2, 2)
+    after, before = sides.mean(axis=-1)
+    skew = np.abs(sides[..., 0] - sides[..., 1]).max(axis=(0, 2))
+    return Patches(light, (after - before) / 2, (after + before) / duty - 1, skew, np.percentile(inside, 90, axis=1))
 
 
 def _side(change: FloatArray, t: FloatArray, duty: float) -> FloatArray:
-    """Where profiles (N, 2, T), at t >= 0 from the middle outwards, rise half way to another colour; NaN: nowhere."""
+    """Where profiles (N, M, T), at t >= 0 from the middle outwards, rise half way to another colour; NaN: nowhere."""
     inside = change[..., t < 0.6 * duty / 2].mean(axis=-1)
     outside = change[..., t > duty / 2].max(axis=-1)
     level = (inside + outside)[..., None] / 2

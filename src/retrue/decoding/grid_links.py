@@ -79,6 +79,13 @@ def link_blocks(blocks: Blocks) -> Links:
     return Links(*_mutual(neighbour))
 
 
+def whitened_lengths(blocks: Blocks, links: Links) -> FloatArray:
+    """(N, 4) length of each link, in standard deviations of the block it starts from; NaN where there is none."""
+    step = blocks.centre[links.neighbour] - blocks.centre[:, None]
+    length = np.linalg.norm(np.einsum("nij,nkj->nki", _inverse_roots(blocks.shape), step), axis=-1)
+    return np.where(links.neighbour >= 0, length, np.nan)
+
+
 def _mutual(neighbour: IntArray) -> tuple[IntArray, IntArray]:
     """Links that both ends see, and the quarter turns between the frames of the ends."""
     me = np.arange(len(neighbour))[:, None]

@@ -12,9 +12,10 @@ from retrue.decoding.grid_blocks import Blocks, find_blocks
 from retrue.decoding.grid_centres import refine_centres
 from retrue.decoding.grid_colors import separate_colors
 from retrue.decoding.grid_growth import grow
+from retrue.decoding.grid_islands import place_islands
 from retrue.decoding.grid_links import NONE, Links, link_blocks
 from retrue.decoding.grid_sight import GridSight, Verdict
-from retrue.decoding.grid_surface import Joints, in_squares, sound_joints, whole_blocks
+from retrue.decoding.grid_surface import Joints, in_squares, slopes, sound_joints, whole_blocks
 from retrue.decoding.grid_windows import (
     SIGNIFICANCE,
     Code,
@@ -25,7 +26,7 @@ from retrue.decoding.grid_windows import (
     place_blocks,
     surface_evidence,
 )
-from retrue.geometry.arrays import BoolArray, Image, IntArray
+from retrue.geometry.arrays import BoolArray, FloatArray, Image, IntArray
 from retrue.patterns.color_grid import ColorGrid
 
 SURROUNDED = 5  # agreeing neighbours of eight, from which on a block's own colour need not be beyond doubt
@@ -56,8 +57,32 @@ def look(pattern: ColorGrid, picture: Image, halvings: int) -> GridSight:
     held = np.isfinite(centres.camera_px[..., 0])
     amounts = np.where(held[..., None], held_by(holder, colors.amounts(blocks.color), np.nan), np.nan)
     grown = grow(picture, centres.camera_px, joints.between(held), amounts, colors, code.cells, duty)
+    position = (grown.position + 0.5) / scale - 0.5
+    left = _free_blobs(blocks, position, grown.joints)
+    island = place_islands(code, blocks, links, label, clear, left, position, grown.joints)
+    if (island >= 0).any():
+        place = np.where(island >= 0, island, place)
+        row, column, _ = code.split(island[island >= 0])
+        more = np.full_like(holder, NONE)
+        more[row, column] = np.flatnonzero(island >= 0)
+        more_joints = joined_places(links, island, more)
+        coarse = (held_by(more, blocks.centre, np.nan) + 0.5) * scale - 0.5
+        more_joints = sound_joints(coarse, more_joints)
+        keep = in_squares(more_joints) & whole_blocks(held_by(more, blocks.shape, np.nan), coarse, more_joints)
+        more = np.where(keep, more, NONE)
+        coarse[~keep] = np.nan
+        more_joints = more_joints.between(keep)
+        extra = refine_centres(picture, coarse, more_joints, duty)
+        there = np.isfinite(extra.camera_px[..., 0])
+        am = np.where(there[..., None], held_by(more, colors.amounts(blocks.color), np.nan), grown.amounts)
+        holder = np.where(more >= 0, more, holder)
+        right = label == code.color(place)
+        both = Joints(grown.joints.right | more_joints.right, grown.joints.down | more_joints.down)
+        pos = np.where(there[..., None], extra.camera_px, grown.position)
+        both = both.between(np.isfinite(pos[..., 0]))
+        grown = grow(picture, pos, both, am, colors, code.cells, duty)
     centres.camera_px[:] = grown.position
-    centres.sigma_px[grown.new] = 0.3
+    centres.sigma_px[np.isnan(centres.sigma_px)&np.isfinite(grown.position[...,0])] = 0.3
     lost = np.setdiff1d(np.flatnonzero(verdict == Verdict.DECODED), holder[np.isfinite(centres.camera_px[..., 0])])
     verdict[lost] = Verdict.OFF_SURFACE
     return GridSight(
@@ -75,6 +100,19 @@ def look(pattern: ColorGrid, picture: Image, halvings: int) -> GridSight:
         confidence=held_by(holder, np.where(right, 0.5 + 0.5 * margin, 0.5 * (1 - margin)), 0.0),
         color=held_by(holder, np.clip(blocks.color, 0, 255).astype(np.uint8), 0),
     )
+
+
+def _free_blobs(blocks: Blocks, position: FloatArray, joints: Joints) -> BoolArray:
+    """(N,) blobs that are off all blocks at `position` by half a pitch."""
+    from scipy.spatial import KDTree
+
+    u, v, _ = slopes(position, joints)
+    pitch = np.minimum(np.linalg.norm(u, axis=-1), np.linalg.norm(v, axis=-1))
+    held = np.isfinite(pitch)
+    if not held.any():
+        return np.ones(len(blocks), dtype=bool)
+    distance, nearest = KDTree(position[held]).query(blocks.centre)
+    return distance > 0.5 * pitch[held][nearest]
 
 
 def held_by(holder: IntArray, values: NDArray[Any], fill: float) -> NDArray[Any]:
