@@ -7,13 +7,15 @@ from typing import cast
 import numpy as np
 
 from retrue.decoding.grid_blocks import Blocks
-from retrue.decoding.grid_links import NONE, Links, whitened_lengths
+from retrue.decoding.grid_links import NONE, Links, bends, whitened_lengths
 from retrue.decoding.grid_surface import Joints, slopes
 from retrue.decoding.grid_windows import COSINE, SINE, Code, rotated
 from retrue.geometry.arrays import BoolArray, FloatArray, IntArray
 
 FEWEST = 6  # blobs of an island
-FARTHEST = 10  # cells from where the nearest surface would continue
+FAR = 0.15  # nats, for each cell that an island lies from where the nearest surface would continue
+LEAST_FREE = 0.7  # of the cells that an island takes
+STRAIGHT = 0.15  # of a step: its change to the one before or after it
 ALONG = 0.5  # least cosine between the axes of an island and those of the nearest surface
 USUAL_STEP = 1.25  # most and least of the picture's usual step, in sides of the blobs
 MISREAD = -3.0  # nats that a clear blob of another colour than the code's costs
@@ -33,9 +35,9 @@ def place_islands(
 ) -> IntArray:
     """Place (N,) in the code of blobs that are `left`, or -1.
 
-    `position` (rows, columns, 2), in pixels of the blobs, and `joints` are what is decoded. Only its free cells are
-    open to an island, only within FARTHEST cells of where the surface beside it would have it, and only turned as that
-    surface is: so that few ways to lie remain, and few blobs settle which.
+    `position` (rows, columns, 2), in pixels of the blobs, and `joints` are what is decoded. Only free cells are
+    open to an island, rather near than far from where the surface beside it would have it, and only turned as that
+    surface is: so few ways to lie remain, and few blobs settle which.
     """
     place = np.full(len(blocks), NONE)
     u, v, _ = slopes(position, joints)
@@ -50,8 +52,9 @@ def place_islands(
     lengths = whitened_lengths(blocks, links)
     usual = np.nanmedian(lengths)
     sound = (lengths < USUAL_STEP * usual) & (lengths > usual / USUAL_STEP) & left[:, None] & left[links.neighbour]
+    sound &= ~(bends(blocks, links) > STRAIGHT)
     tried: list[tuple[float, IntArray, IntArray]] = []
-    ways = 1
+    ways = 1.0
     for member, at, turn in _groups(np.where(sound, links.neighbour, NONE), links.turn):
         if len(member) < FEWEST:
             continue
@@ -64,19 +67,19 @@ def place_islands(
         if quarter == NONE:
             continue
         offset = rotated(at, np.array(quarter))
-        start = there[::-1] + np.linalg.solve(uv, middle - position[held][near])
-        start = np.rint(start[::-1] - offset.mean(axis=0)).astype(int)
-        span = np.arange(-FARTHEST, FARTHEST + 1)
-        shifts = start + np.stack(np.meshgrid(span, span, indexing="ij"), axis=-1).reshape(-1, 2)
-        cell = shifts[:, None] + offset
-        fits = ((cell >= 0) & (cell < code.cells.shape)).all(axis=(1, 2))
-        cell = cell[fits]
-        cell = cell[free[cell[..., 0], cell[..., 1]].all(axis=1)]
+        start = there + np.linalg.solve(uv, middle - position[held][near])[::-1] - offset.mean(axis=0)
+        corner = offset.min(axis=0)
+        shift = np.argwhere(np.ones(np.maximum(code.cells.shape - offset.max(axis=0) + corner, 0))) - corner
+        cell = shift[:, None] + offset
+        open_ = free[cell[..., 0], cell[..., 1]]
+        mostly = open_.mean(axis=1) > LEAST_FREE
+        shift, cell, open_ = shift[mostly], cell[mostly], open_[mostly]
         if not len(cell):
             continue
-        ways += len(cell)
-        right = code.cells[cell[..., 0], cell[..., 1]] == label[member]
-        nats = np.where(right, np.log(code.base - 1), np.where(clear[member], MISREAD, MISREAD / 3)).sum(axis=1)
+        far = FAR * np.linalg.norm(shift - start, axis=1)
+        ways += float(np.exp(-far).sum())
+        right = open_ & (code.cells[cell[..., 0], cell[..., 1]] == label[member])
+        nats = np.where(right, np.log(code.base - 1), np.where(clear[member], MISREAD, MISREAD / 3)).sum(axis=1) - far
         best = int(np.argmax(nats))
         second = np.partition(nats, -2)[-2] if len(nats) > 1 else -np.inf
         if nats[best] - second > LEAD:

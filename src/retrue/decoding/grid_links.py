@@ -86,6 +86,16 @@ def whitened_lengths(blocks: Blocks, links: Links) -> FloatArray:
     return np.where(links.neighbour >= 0, length, np.nan)
 
 
+def bends(blocks: Blocks, links: Links) -> FloatArray:
+    """(N, 4) change of each link to the one before or after it, whichever is less, over its length; NaN: there is none."""
+    here = np.arange(4)
+    step = np.where((links.neighbour >= 0)[..., None], blocks.centre[links.neighbour] - blocks.centre[:, None], np.nan)
+    before = -step[:, (here + 2) % 4]
+    after = step[links.neighbour, (here + links.turn) % 4]
+    change = np.fmin(np.linalg.norm(step - before, axis=-1), np.linalg.norm(step - after, axis=-1))
+    return change / np.linalg.norm(step, axis=-1)
+
+
 def _mutual(neighbour: IntArray) -> tuple[IntArray, IntArray]:
     """Links that both ends see, and the quarter turns between the frames of the ends."""
     me = np.arange(len(neighbour))[:, None]
