@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from retrue.geometry.arrays import BoolArray, FloatArray
+from retrue.geometry.compiling import OUT_STACK, STACK, compiled, numba
 
 CREASE = 0.1  # change of the pitch from one block to the next that no smooth surface shows
 OUTLIER_SIGMAS = 5.0
@@ -70,10 +71,63 @@ def slopes(position: FloatArray, joints: Joints) -> tuple[FloatArray, FloatArray
 
     One-sided at the ends of a surface; where a block has no neighbour in a direction, as its other neighbours have it.
     """
-    right, right_bend = _derivative(position, joints, (0, 1))
-    down, down_bend = _derivative(position, joints, (1, 0))
-    here = np.isfinite(position[..., 0])
-    return _borrowed(right, here, joints), _borrowed(down, here, joints), right_bend + down_bend
+    u, v, bend = np.full_like(position, np.nan), np.full_like(position, np.nan), np.zeros_like(position)
+    _slopes(np.ascontiguousarray(position), joints.right, u, bend, 0, 1)
+    _slopes(np.ascontiguousarray(position), joints.down, v, bend, 1, 0)
+    for slope in (u, v):
+        _borrow(slope.copy(), np.isfinite(position[..., 0]), joints.right, joints.down, slope)
+    return u, v, bend
+
+
+_FLAGS = numba.types.Array(numba.boolean, 2, "A", readonly=True)
+
+
+@compiled(numba.void(STACK, _FLAGS, OUT_STACK, OUT_STACK, numba.int64, numba.int64))
+def _slopes(position: FloatArray, linked: BoolArray, slope: FloatArray, bend: FloatArray, down: int, right: int) -> None:
+    """`slope` (rows, columns, 2) <- mean of the steps before and after each block; their difference is added to `bend`."""
+    rows, columns, _ = position.shape
+    for r in range(rows):
+        for c in range(columns):
+            ahead = r < rows - down and c < columns - right and linked[r, c]
+            behind = r >= down and c >= right and linked[r - down, c - right]
+            size, change = 0.0, 0.0
+            for k in range(2):
+                here = position[r, c, k]
+                step = position[r + down, c + right, k] - here if ahead else np.nan
+                before = here - position[r - down, c - right, k] if behind else np.nan
+                if np.isnan(step):
+                    slope[r, c, k] = before
+                elif np.isnan(before):
+                    slope[r, c, k] = step
+                else:
+                    slope[r, c, k] = (step + before) / 2
+                size += slope[r, c, k] ** 2
+                change += (step - before) ** 2
+            if change < CREASE**2 * size:
+                for k in range(2):
+                    bend[r, c, k] += position[r + down, c + right, k] - 2 * position[r, c, k]
+                    bend[r, c, k] += position[r - down, c - right, k]
+
+
+@compiled(numba.void(OUT_STACK, _FLAGS, _FLAGS, _FLAGS, OUT_STACK))
+def _borrow(known: FloatArray, here: BoolArray, right: BoolArray, down: BoolArray, slope: FloatArray) -> None:
+    """`slope`, where blocks that are `here` lack it, <- the mean of what their linked neighbours have."""
+    rows, columns, _ = known.shape
+    for r in range(rows):
+        for c in range(columns):
+            if not here[r, c] or np.isfinite(known[r, c, 0]):
+                continue
+            x, y, count = 0.0, 0.0, 0
+            for dr, dc in ((0, 1), (0, -1), (1, 0), (-1, 0)):
+                i, j = r + dr, c + dc
+                if not (0 <= i < rows and 0 <= j < columns and np.isfinite(known[i, j, 0])):
+                    continue
+                if right[r, min(c, j)] if dr == 0 else down[min(r, i), c]:
+                    x += known[i, j, 0]
+                    y += known[i, j, 1]
+                    count += 1
+            if count > 0:
+                slope[r, c, 0], slope[r, c, 1] = x / count, y / count
 
 
 def sound_joints(position: FloatArray, joints: Joints) -> Joints:
@@ -171,33 +225,6 @@ def _like_another(position: FloatArray, linked: BoolArray, direction: tuple[int,
     change = np.stack([np.linalg.norm(step - other, axis=-1) for other in others])
     nearest = np.min(np.where(np.isfinite(change), change, np.inf), axis=0)
     return linked & (nearest < STEP_CHANGE * np.linalg.norm(step, axis=-1))
-
-
-def _derivative(position: FloatArray, joints: Joints, direction: tuple[int, int]) -> tuple[FloatArray, FloatArray]:
-    back = (-direction[0], -direction[1])
-    step = np.where(joints.step(direction)[..., None], shifted(position, direction, np.nan) - position, np.nan)
-    before = shifted(step, back, np.nan)
-    both = np.isfinite(step + before)
-    slope = np.where(both, (step + before) / 2, np.where(np.isfinite(step), step, before))
-    bend = np.where(both, step - before, 0.0)
-    sharp = ~(np.linalg.norm(bend, axis=-1) < CREASE * np.linalg.norm(slope, axis=-1))
-    return slope, np.where(sharp[..., None], 0.0, bend)
-
-
-def _borrowed(slope: FloatArray, here: BoolArray, joints: Joints) -> FloatArray:
-    """`slope`, where blocks that are `here` lack it, as the mean of what their linked neighbours have."""
-    if np.isfinite(slope[here]).all():
-        return slope
-    total, count = np.zeros_like(slope), np.zeros_like(slope)
-    for direction in ((0, 1), (1, 0)):
-        linked = joints.step(direction)
-        ahead = np.where(linked[..., None], shifted(slope, direction, np.nan), np.nan)
-        back = (-direction[0], -direction[1])
-        behind = np.where(shifted(linked, back, False)[..., None], shifted(slope, back, np.nan), np.nan)
-        for side in (ahead, behind):
-            total += np.nan_to_num(side)
-            count += np.isfinite(side)
-    return np.where(np.isfinite(slope), slope, total / np.where(count > 0, count, np.nan))
 
 
 def _linked_on_both_sides(joints: Joints, direction: tuple[int, int]) -> BoolArray:

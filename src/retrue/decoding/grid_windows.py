@@ -12,6 +12,7 @@ from retrue.decoding.grid_links import NONE, Links
 from retrue.decoding.grid_surface import Joints
 from retrue.errors import InputError
 from retrue.geometry.arrays import BoolArray, FloatArray, IntArray
+from retrue.geometry.compiling import compiled, numba
 from retrue.patterns.color_grid import ColorGrid
 
 EXACT_VOTE, CORRECTED_VOTE = 3, 1
@@ -51,11 +52,10 @@ class Code:
 
     def moved(self, place: IntArray, offset: IntArray, turn: IntArray) -> IntArray:
         """Place of the block at `offset` (row, column) in the frame of the block at `place`, or -1 outside."""
-        row, column, rotation = self.split(place)
-        step = rotated(offset, rotation)
-        row, column = row + step[..., 0], column + step[..., 1]
-        inside = (place >= 0) & (row >= 0) & (row < self.rows) & (column >= 0) & (column < self.columns)
-        return np.where(inside, (row * self.columns + column) * 4 + (rotation - turn) % 4, NONE)
+        place, down, right, turn = np.broadcast_arrays(place, offset[..., 0], offset[..., 1], turn)
+        result = np.empty(place.shape, dtype=np.int64)
+        _moved(*(np.ravel(a) for a in (place, down, right, turn)), self.rows, self.columns, result.reshape(-1))
+        return result
 
     def color(self, place: IntArray) -> IntArray:
         """Colour index that the code has at each place; -1 for none."""
@@ -82,6 +82,22 @@ class Code:
         step = np.diff(keys[order]) != 0
         alone = np.concatenate([[True], step]) & np.concatenate([step, [True]])
         return weight, keys[order[alone]], self.places[order[alone]]
+
+
+_INTEGERS = numba.types.Array(numba.int64, 1, "C", readonly=True)
+
+
+@compiled(numba.void(*[_INTEGERS] * 4, numba.int64, numba.int64, numba.types.Array(numba.int64, 1, "C")))
+def _moved(
+    place: IntArray, down: IntArray, right: IntArray, turn: IntArray, rows: int, columns: int, result: IntArray
+) -> None:
+    for i in range(len(place)):
+        rotation, cell = place[i] % 4, place[i] // 4
+        cosine, sine = (1, 0, -1, 0)[rotation], (0, 1, 0, -1)[rotation]
+        row = cell // columns + down[i] * cosine + right[i] * sine
+        column = cell % columns + right[i] * cosine - down[i] * sine
+        inside = place[i] >= 0 and 0 <= row < rows and 0 <= column < columns
+        result[i] = (row * columns + column) * 4 + (rotation - turn[i]) % 4 if inside else NONE
 
 
 @lru_cache(maxsize=4)

@@ -1,0 +1,137 @@
+"""What the picture shows where a block should be: is there a whole one, and where exactly?"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from retrue.decoding.grid_sampling import PICTURES, bilinear
+from retrue.geometry.arrays import BoolArray, FloatArray, Image
+from retrue.geometry.compiling import MATRIX, OUT_MATRIX, compiled, inlined, numba
+
+SAMPLES = 17  # along a side of a patch
+REACH = 0.56  # pitches from the middle of a patch to its sides
+FARTHEST = 0.06  # pitches from where the surface would have the block
+STRETCH = 0.25  # of its sides
+SKEW = 0.12  # pitches
+UNEVEN = 0.3  # of the step from block to gap, within the block
+SIDE_RANGE = 0.13  # pitches within which a side is looked for
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Patches:
+    """What the picture shows at N predicted blocks.
+
+    Attributes
+    ----------
+    light : (N, 3) what the middle of the block adds to the darkest place of its pitch.
+    offset : (N, 2) of the block from the prediction, along u and v in pitches; NaN where a side is missing.
+    stretch : (N, 2) width and height over the expected ones, minus one.
+    skew : (N,) largest distance between the two halves of one side, in pitches.
+    uneven : (N,) 90th percentile of the distance from the middle's colour, in steps from block to gap.
+    """
+
+    light: FloatArray
+    offset: FloatArray
+    stretch: FloatArray
+    skew: FloatArray
+    uneven: FloatArray
+
+    def whole(self) -> BoolArray:
+        """(N,) whether there is one block, all of it, where it should be."""
+        near = np.abs(self.offset).max(axis=1) < FARTHEST
+        alike = (np.abs(self.stretch).max(axis=1) < STRETCH) & (self.skew < SKEW)
+        return near & alike & (self.uneven < UNEVEN)
+
+
+def look_at(picture: Image, p: FloatArray, u: FloatArray, v: FloatArray, duty: float) -> Patches:
+    """Blocks at p (N, 2) with pitches u and v; a side is where the colour turns half way into another one.
+
+    The other colour is that of the gap, or of whatever hides the gap: only the block's own colour is known.
+    """
+    found = np.full((len(p), 9), np.nan)
+    _look_at(picture, p, u, v, duty, found)
+    return Patches(found[:, :3], found[:, 3:5], found[:, 5:7], found[:, 7], found[:, 8])
+
+
+@inlined
+def _apart(color: FloatArray, other: FloatArray) -> float:
+    return np.sqrt((color[0] - other[0]) ** 2 + (color[1] - other[1]) ** 2 + (color[2] - other[2]) ** 2)
+
+
+@compiled(numba.float64(numba.types.Array(numba.float64, 1, "A"), numba.float64, numba.float64))
+def _side(change: FloatArray, spacing: float, half: float) -> float:
+    """Where a profile, from the middle outwards, rises half way to another colour, about `half` from there; or NaN."""
+    inside, count, outside = 0.0, 0, 0.0
+    for i in range(len(change)):
+        if i * spacing < 0.6 * half:
+            inside += change[i]
+            count += 1
+        elif i * spacing > half:
+            outside = max(outside, change[i])
+    inside /= count
+    if not (outside > 0.5 and outside > 2 * inside):
+        return np.nan
+    level = (inside + outside) / 2
+    first = 0
+    while change[first] <= level:
+        first += 1
+    if first == 0:
+        return np.nan
+    side = spacing * (first - 1 + (level - change[first - 1]) / (change[first] - change[first - 1]))
+    return side if abs(side - half) < SIDE_RANGE else np.nan
+
+
+@compiled([numba.void(kind, MATRIX, MATRIX, MATRIX, numba.float64, OUT_MATRIX) for kind in PICTURES])
+def _look_at(picture: Image, p: FloatArray, u: FloatArray, v: FloatArray, duty: float, found: FloatArray) -> None:
+    """`found` (N, 9) <- light, offset, stretch, skew, uneven."""
+    mid, half = SAMPLES // 2, duty / 2
+    spacing = REACH / mid
+    patch, lines = np.empty((SAMPLES, SAMPLES, 3)), np.empty((2, 2, SAMPLES, 3))
+    change, color = np.empty(SAMPLES), np.empty(3)
+    inner, core, across = int(0.55 * half / spacing), int(0.75 * half / spacing), int(0.8 * half / spacing)
+    values, apart = np.empty((2 * inner + 1) ** 2), np.empty((2 * core + 1) ** 2)
+    sides = np.empty((2, 2, 2))  # axis, half of the line, end
+    for n in range(len(p)):
+        for i in range(SAMPLES):
+            for j in range(SAMPLES):
+                a, b = (j - mid) * spacing, (i - mid) * spacing
+                bilinear(picture, p[n, 0] + a * u[n, 0] + b * v[n, 0], p[n, 1] + a * u[n, 1] + b * v[n, 1], patch[i, j])
+        step = 1e-6
+        for c in range(3):
+            values[:] = patch[mid - inner : mid + inner + 1, mid - inner : mid + inner + 1, c].copy().reshape(-1)
+            values.sort()
+            color[c] = values[len(values) // 2]
+            found[n, c] = color[c] - patch[:, :, c].min()
+            step += found[n, c] ** 2
+        step = np.sqrt(step)
+        k = 0
+        for i in range(mid - core, mid + core + 1):
+            for j in range(mid - core, mid + core + 1):
+                apart[k] = _apart(patch[i, j], color) / step
+                k += 1
+        apart.sort()
+        found[n, 8] = apart[9 * len(apart) // 10]
+        lines[:] = 0
+        for i in range(SAMPLES):
+            for k in range(1, across + 1):
+                for c in range(3):
+                    lines[0, 0, i, c] += patch[mid - k, i, c] / across
+                    lines[0, 1, i, c] += patch[mid + k, i, c] / across
+                    lines[1, 0, i, c] += patch[i, mid - k, c] / across
+                    lines[1, 1, i, c] += patch[i, mid + k, c] / across
+        found[n, 7] = 0
+        for axis in range(2):
+            for part in range(2):
+                for i in range(SAMPLES):
+                    change[i] = _apart(lines[axis, part, i], color) / step
+                sides[axis, part, 0] = _side(change[mid:], spacing, half)
+                sides[axis, part, 1] = _side(change[mid::-1], spacing, half)
+            after, before = sides[axis, :, 0].mean(), sides[axis, :, 1].mean()
+            found[n, 3 + axis] = (after - before) / 2
+            found[n, 5 + axis] = (after + before) / duty - 1
+            for end in range(2):
+                skew = abs(sides[axis, 0, end] - sides[axis, 1, end])
+                if not skew <= found[n, 7]:
+                    found[n, 7] = skew
