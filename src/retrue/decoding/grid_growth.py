@@ -16,6 +16,17 @@ ROUNDS = 8
 APART = 0.5  # pitches, least distance between two blocks
 
 
+def cut_blocks(picture: Image, position: FloatArray, joints: Joints, duty: float) -> BoolArray:
+    """(rows, columns) blocks at the rim of their surface that are not all there, or not where they were measured."""
+    u, v, _ = slopes(position, joints)
+    held = np.isfinite(position[..., 0])
+    rim = held & ~joints.inside()
+    cut = rim & ~np.isfinite(u + v).all(axis=-1)
+    rim &= ~cut
+    cut[rim] = ~look_at(picture, position[rim], u[rim], v[rim], duty).whole()
+    return cut
+
+
 @dataclass(frozen=True, slots=True, eq=False)
 class Grown:
     """`position` (rows, columns, 2) with the blocks that were added, their `joints`, and which are `new`."""
@@ -27,23 +38,25 @@ class Grown:
 
 
 def grow(
-    picture: Image, position: FloatArray, joints: Joints, amounts: FloatArray, colors: Colors, code: IntArray, duty: float
+    picture: Image,
+    position: FloatArray,
+    joints: Joints,
+    amounts: FloatArray,
+    fresh: BoolArray,
+    colors: Colors,
+    code: IntArray,
+    duty: float,
 ) -> Grown:
     """Blocks beside those that are held, added where the picture shows a whole one of the right colour.
 
     `position` (rows, columns, 2) in pixels of `picture`, `amounts` (rows, columns, 3) of the projector's colours, NaN
-    where no block is held. Each block predicts its four neighbours by its own steps; what is found there
+    where no block is held. Each `fresh` block predicts its four neighbours by its own steps; what is found there
     predicts the next ones.
     """
     position, amounts = position.copy(), amounts.copy()
-    u, v, _ = slopes(position, joints)
-    rim = np.isfinite(position + u + v).all(axis=-1) & ~joints.inside()
-    cut = np.zeros_like(rim)
-    cut[rim] = ~look_at(picture, position[rim], u[rim], v[rim], duty).whole()
-    position[cut] = amounts[cut] = np.nan
+    right, down = joints.right.copy(), joints.down.copy()
     held = np.isfinite(position[..., 0])
-    right, down = (np.array(side) for side in (joints.between(held).right, joints.between(held).down))
-    start, fresh = held.copy(), held
+    start = held.copy()
     for _ in range(ROUNDS):
         u, v, _ = slopes(position, Joints(right, down))
         able = fresh & np.isfinite(u + v).all(axis=-1)

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from typing import cast
-
 import numpy as np
 
 from retrue.decoding.grid_blocks import Blocks
@@ -118,7 +116,8 @@ def _groups(neighbour: IntArray, turn: IntArray) -> list[tuple[IntArray, IntArra
 def _axes(centre: FloatArray, at: IntArray) -> FloatArray:
     """(2, 2) steps to the right and down, as columns, of blobs at (row, column)."""
     terms = np.column_stack([at[:, ::-1], np.ones(len(at))])
-    return cast(FloatArray, np.linalg.lstsq(terms, centre, rcond=None)[0][:2].T)
+    normal = terms.T @ terms + 1e-6 * np.eye(3)  # a single row tells nothing of the other axis: 0
+    return np.linalg.solve(normal, terms.T @ centre)[:2].T
 
 
 def _quarter_turns(axes: FloatArray, surface: FloatArray) -> int:

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from retrue.decoding.grid_blocks import Blocks, find_blocks
 from retrue.decoding.grid_centres import refine_centres
 from retrue.decoding.grid_colors import separate_colors
-from retrue.decoding.grid_growth import grow
+from retrue.decoding.grid_growth import Grown, cut_blocks, grow
 from retrue.decoding.grid_islands import place_islands
 from retrue.decoding.grid_links import NONE, Links, link_blocks
 from retrue.decoding.grid_sight import GridSight, Verdict
@@ -54,35 +54,40 @@ def look(pattern: ColorGrid, picture: Image, halvings: int) -> GridSight:
     coarse = (held_by(holder, blocks.centre, np.nan) + 0.5) * scale - 0.5
     duty = pattern.block / pattern.pitch
     centres = refine_centres(picture, coarse, joints, duty)
+    def grown(position: FloatArray, joints: Joints, amounts: FloatArray, fresh: BoolArray) -> Grown:
+        cut = cut_blocks(picture, position, joints, duty) & fresh
+        gone = np.where(cut[..., None], np.nan, position)
+        held = np.isfinite(gone[..., 0])
+        return grow(picture, gone, joints.between(held), amounts, held & fresh, colors, code.cells, duty)
+
     held = np.isfinite(centres.camera_px[..., 0])
-    amounts = np.where(held[..., None], held_by(holder, colors.amounts(blocks.color), np.nan), np.nan)
-    grown = grow(picture, centres.camera_px, joints.between(held), amounts, colors, code.cells, duty)
-    position = (grown.position + 0.5) / scale - 0.5
-    left = _free_blobs(blocks, position, grown.joints)
-    island = place_islands(code, blocks, links, label, clear, left, position, grown.joints)
+    amounts = held_by(np.where(held, holder, NONE), colors.amounts(blocks.color), np.nan)
+    surfaces = grown(centres.camera_px, joints.between(held), amounts, held)
+    position = (surfaces.position + 0.5) / scale - 0.5
+    left = _free_blobs(blocks, position, surfaces.joints)
+    island = place_islands(code, blocks, links, label, clear, left, position, surfaces.joints)
     if (island >= 0).any():
         place = np.where(island >= 0, island, place)
+        right = label == code.color(place)
         row, column, _ = code.split(island[island >= 0])
         more = np.full_like(holder, NONE)
         more[row, column] = np.flatnonzero(island >= 0)
-        more_joints = joined_places(links, island, more)
-        coarse = (held_by(more, blocks.centre, np.nan) + 0.5) * scale - 0.5
-        more_joints = sound_joints(coarse, more_joints)
-        keep = in_squares(more_joints) & whole_blocks(held_by(more, blocks.shape, np.nan), coarse, more_joints)
+        position = held_by(more, blocks.centre, np.nan)
+        more_joints = sound_joints(position, joined_places(links, island, more))
+        keep = in_squares(more_joints) & whole_blocks(held_by(more, blocks.shape, np.nan), position, more_joints)
         more = np.where(keep, more, NONE)
-        coarse[~keep] = np.nan
         more_joints = more_joints.between(keep)
+        coarse = (held_by(more, blocks.centre, np.nan) + 0.5) * scale - 0.5
         extra = refine_centres(picture, coarse, more_joints, duty)
         there = np.isfinite(extra.camera_px[..., 0])
-        am = np.where(there[..., None], held_by(more, colors.amounts(blocks.color), np.nan), grown.amounts)
-        holder = np.where(more >= 0, more, holder)
-        right = label == code.color(place)
-        both = Joints(grown.joints.right | more_joints.right, grown.joints.down | more_joints.down)
-        pos = np.where(there[..., None], extra.camera_px, grown.position)
-        both = both.between(np.isfinite(pos[..., 0]))
-        grown = grow(picture, pos, both, am, colors, code.cells, duty)
-    centres.camera_px[:] = grown.position
-    centres.sigma_px[np.isnan(centres.sigma_px)&np.isfinite(grown.position[...,0])] = 0.3
+        holder = np.where(there, more, holder)
+        amounts = np.where(there[..., None], held_by(more, colors.amounts(blocks.color), np.nan), surfaces.amounts)
+        both = np.where(there[..., None], extra.camera_px, surfaces.position)
+        more_joints = more_joints.between(there)
+        all_joints = Joints(surfaces.joints.right | more_joints.right, surfaces.joints.down | more_joints.down)
+        surfaces = grown(both, all_joints, amounts, there)
+    centres.camera_px[:] = surfaces.position
+    centres.sigma_px[np.isnan(centres.sigma_px) & np.isfinite(surfaces.position[..., 0])] = 0.3
     lost = np.setdiff1d(np.flatnonzero(verdict == Verdict.DECODED), holder[np.isfinite(centres.camera_px[..., 0])])
     verdict[lost] = Verdict.OFF_SURFACE
     return GridSight(

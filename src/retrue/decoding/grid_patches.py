@@ -10,7 +10,7 @@ from retrue.decoding.grid_sampling import PICTURES, bilinear
 from retrue.geometry.arrays import BoolArray, FloatArray, Image
 from retrue.geometry.compiling import MATRIX, OUT_MATRIX, compiled, inlined, numba
 
-SAMPLES = 17  # along a side of a patch
+SAMPLES = 15  # along a side of a patch
 REACH = 0.56  # pitches from the middle of a patch to its sides
 FARTHEST = 0.06  # pitches from where the surface would have the block
 STRETCH = 0.25  # of its sides
