@@ -13,6 +13,8 @@ from retrue.geometry.arrays import BoolArray, FloatArray, Image, IntArray
 
 SIDES = ((0, 1), (1, 0), (0, -1), (-1, 0))  # (down, right), in the order right, down, left, up
 ROUNDS = 8
+MISFIT = 1.25  # most of a new block: wrong ones reached down to 1.6
+CUT_MISFIT = 2.0  # most of a block that its colours placed
 APART = 0.5  # pitches, least distance between two blocks
 
 
@@ -23,7 +25,7 @@ def cut_blocks(picture: Image, position: FloatArray, joints: Joints, duty: float
     rim = held & ~joints.inside()
     cut = rim & ~np.isfinite(u + v).all(axis=-1)
     rim &= ~cut
-    cut[rim] = ~look_at(picture, position[rim], u[rim], v[rim], duty).whole()
+    cut[rim] = ~(look_at(picture, position[rim], u[rim], v[rim], duty).misfit() < CUT_MISFIT)
     return cut
 
 
@@ -73,7 +75,7 @@ def grow(
         own = colors.amounts(found.light)
         around = np.concatenate([_neighbours(amounts, source), own[:, None]], axis=1)
         label, _ = colors.nearest(own, local_level(np.nan_to_num(around)))
-        good = found.whole() & (label == code[target[:, 0], target[:, 1]])
+        good = (found.misfit() < MISFIT) & (label == code[target[:, 0], target[:, 1]])
         p = p + found.offset[:, :1] * su + found.offset[:, 1:] * sv
         pitch = np.minimum(np.linalg.norm(su, axis=1), np.linalg.norm(sv, axis=1))
         good = np.flatnonzero(good)

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from retrue.decoding.grid_sampling import PICTURES, bilinear
-from retrue.geometry.arrays import BoolArray, FloatArray, Image
+from retrue.geometry.arrays import FloatArray, Image
 from retrue.geometry.compiling import MATRIX, OUT_MATRIX, compiled, inlined, numba
 
 SAMPLES = 15  # along a side of a patch
@@ -38,11 +38,13 @@ class Patches:
     skew: FloatArray
     uneven: FloatArray
 
-    def whole(self) -> BoolArray:
-        """(N,) whether there is one block, all of it, where it should be."""
-        near = np.abs(self.offset).max(axis=1) < FARTHEST
-        alike = (np.abs(self.stretch).max(axis=1) < STRETCH) & (self.skew < SKEW)
-        return near & alike & (self.uneven < UNEVEN)
+    def misfit(self) -> FloatArray:
+        """(N,) how unlike one whole block, where it should be, each is: sum of squares over their usual limits.
+
+        NaN where a side is missing.
+        """
+        offset, stretch = np.abs(self.offset).max(axis=1) / FARTHEST, np.abs(self.stretch).max(axis=1) / STRETCH
+        return offset**2 + stretch**2 + (self.skew / SKEW) ** 2 + (self.uneven / UNEVEN) ** 2
 
 
 def look_at(picture: Image, p: FloatArray, u: FloatArray, v: FloatArray, duty: float) -> Patches:
@@ -56,8 +58,8 @@ def look_at(picture: Image, p: FloatArray, u: FloatArray, v: FloatArray, duty: f
 
 
 @inlined
-def _apart(color: FloatArray, other: FloatArray) -> float:
-    return np.sqrt((color[0] - other[0]) ** 2 + (color[1] - other[1]) ** 2 + (color[2] - other[2]) ** 2)
+def _apart(color: FloatArray, red: float, green: float, blue: float) -> float:
+    return np.sqrt((color[0] - red) ** 2 + (color[1] - green) ** 2 + (color[2] - blue) ** 2)
 
 
 @compiled(numba.float64(numba.types.Array(numba.float64, 1, "A"), numba.float64, numba.float64))
@@ -97,19 +99,27 @@ def _look_at(picture: Image, p: FloatArray, u: FloatArray, v: FloatArray, duty: 
         for i in range(SAMPLES):
             for j in range(SAMPLES):
                 a, b = (j - mid) * spacing, (i - mid) * spacing
-                bilinear(picture, p[n, 0] + a * u[n, 0] + b * v[n, 0], p[n, 1] + a * u[n, 1] + b * v[n, 1], patch[i, j])
+                x, y = p[n, 0] + a * u[n, 0] + b * v[n, 0], p[n, 1] + a * u[n, 1] + b * v[n, 1]
+                patch[i, j, 0], patch[i, j, 1], patch[i, j, 2] = bilinear(picture, x, y)
         step = 1e-6
         for c in range(3):
-            values[:] = patch[mid - inner : mid + inner + 1, mid - inner : mid + inner + 1, c].copy().reshape(-1)
+            k, floor = 0, np.inf
+            for i in range(SAMPLES):
+                for j in range(SAMPLES):
+                    floor = min(floor, patch[i, j, c])
+            for i in range(mid - inner, mid + inner + 1):
+                for j in range(mid - inner, mid + inner + 1):
+                    values[k] = patch[i, j, c]
+                    k += 1
             values.sort()
             color[c] = values[len(values) // 2]
-            found[n, c] = color[c] - patch[:, :, c].min()
+            found[n, c] = color[c] - floor
             step += found[n, c] ** 2
         step = np.sqrt(step)
         k = 0
         for i in range(mid - core, mid + core + 1):
             for j in range(mid - core, mid + core + 1):
-                apart[k] = _apart(patch[i, j], color) / step
+                apart[k] = _apart(color, patch[i, j, 0], patch[i, j, 1], patch[i, j, 2]) / step
                 k += 1
         apart.sort()
         found[n, 8] = apart[9 * len(apart) // 10]
@@ -125,10 +135,12 @@ def _look_at(picture: Image, p: FloatArray, u: FloatArray, v: FloatArray, duty: 
         for axis in range(2):
             for part in range(2):
                 for i in range(SAMPLES):
-                    change[i] = _apart(lines[axis, part, i], color) / step
+                    red, green, blue = lines[axis, part, i, 0], lines[axis, part, i, 1], lines[axis, part, i, 2]
+                    change[i] = _apart(color, red, green, blue) / step
                 sides[axis, part, 0] = _side(change[mid:], spacing, half)
                 sides[axis, part, 1] = _side(change[mid::-1], spacing, half)
-            after, before = sides[axis, :, 0].mean(), sides[axis, :, 1].mean()
+            after = (sides[axis, 0, 0] + sides[axis, 1, 0]) / 2
+            before = (sides[axis, 0, 1] + sides[axis, 1, 1]) / 2
             found[n, 3 + axis] = (after - before) / 2
             found[n, 5 + axis] = (after + before) / duty - 1
             for end in range(2):

@@ -16,18 +16,21 @@ PICTURES: tuple[Any, ...] = tuple(
 
 
 @inlined
-def bilinear(picture: Image, x: float, y: float, color: FloatArray) -> None:
-    """`color` (3,) <- `picture` (h, w, 3) at (x, y); outside as at its border."""
+def bilinear(picture: Image, x: float, y: float) -> tuple[float, float, float]:
+    """The colour of `picture` (h, w, 3) at (x, y); outside as at its border. It has two rows and columns, or more."""
     height, width, _ = picture.shape
     x = min(x, width - 1.0) if x > 0 else 0.0  # NaN, too, stays inside
     y = min(y, height - 1.0) if y > 0 else 0.0
-    column, row = min(int(x), max(width - 2, 0)), min(int(y), max(height - 2, 0))
-    fx, fy = x - column, y - row
-    right, below = min(column + 1, width - 1), min(row + 1, height - 1)
-    for c in range(3):
-        upper = picture[row, column, c] * (1 - fx) + picture[row, right, c] * fx
-        lower = picture[below, column, c] * (1 - fx) + picture[below, right, c] * fx
-        color[c] = upper * (1 - fy) + lower * fy
+    c, r = min(int(x), width - 2), min(int(y), height - 2)
+    fx, fy = x - c, y - r
+    d = fx * fy
+    a, b, c1, r1 = 1 - fx - fy + d, fx - d, c + 1, r + 1
+    e = fy - d
+    return (
+        a * picture[r, c, 0] + b * picture[r, c1, 0] + e * picture[r1, c, 0] + d * picture[r1, c1, 0],
+        a * picture[r, c, 1] + b * picture[r, c1, 1] + e * picture[r1, c, 1] + d * picture[r1, c1, 1],
+        a * picture[r, c, 2] + b * picture[r, c1, 2] + e * picture[r1, c, 2] + d * picture[r1, c1, 2],
+    )
 
 
 @compiled([numba.void(kind, MATRIX, MATRIX, MATRIX, MATRIX, VECTOR, VECTOR, OUT_MATRIX) for kind in PICTURES])
@@ -41,15 +44,14 @@ def _profiles(
     s: FloatArray,
     out: FloatArray,
 ) -> None:
-    color = np.empty(3)
     for n in range(len(p)):
         for i in range(len(t)):
             total = 0.0
             for beside in s:
                 x = p[n, 0] + t[i] * u[n, 0] + beside * v[n, 0]
                 y = p[n, 1] + t[i] * u[n, 1] + beside * v[n, 1]
-                bilinear(picture, x, y, color)
-                total += weights[n, 0] * color[0] + weights[n, 1] * color[1] + weights[n, 2] * color[2]
+                red, green, blue = bilinear(picture, x, y)
+                total += weights[n, 0] * red + weights[n, 1] * green + weights[n, 2] * blue
             out[n, i] = total / len(s)
 
 
@@ -65,7 +67,7 @@ def profiles(
 @compiled([numba.void(kind, MATRIX, OUT_MATRIX) for kind in PICTURES])
 def _sample(picture: Image, at: FloatArray, out: FloatArray) -> None:
     for n in range(len(at)):
-        bilinear(picture, at[n, 0], at[n, 1], out[n])
+        out[n, 0], out[n, 1], out[n, 2] = bilinear(picture, at[n, 0], at[n, 1])
 
 
 def sample(picture: Image, at: FloatArray) -> NDArray[np.float64]:
