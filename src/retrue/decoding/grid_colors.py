@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from retrue.geometry.arrays import FloatArray, IntArray
+from retrue.geometry.compiling import MATRIX, OUT_VECTOR, compiled, numba
 
 DISPLAY_GAMMA = 2.2
 PURE_SHARE = 0.06  # of the blocks, the purest red ones (green, blue) that show what red light looks like
@@ -94,6 +95,20 @@ def _unmixing(light: FloatArray, palette: FloatArray) -> FloatArray:
 
 
 def _nearest(seen: FloatArray, centres: FloatArray) -> tuple[IntArray, FloatArray]:
-    distance = np.linalg.norm(seen[:, None] - centres, axis=-1)
-    order = np.partition(distance, 1, axis=1)
-    return np.argmin(distance, axis=1), (order[:, 1] - order[:, 0]) / np.maximum(order[:, 1] + order[:, 0], 1e-9)
+    label, margin = np.zeros(len(seen), dtype=np.int64), np.zeros(len(seen))
+    _find_nearest(np.ascontiguousarray(seen), np.ascontiguousarray(centres), label, margin)
+    return label, margin
+
+
+@compiled(numba.void(MATRIX, MATRIX, numba.types.Array(numba.int64, 1, "C"), OUT_VECTOR))
+def _find_nearest(seen: FloatArray, centres: FloatArray, label: IntArray, margin: FloatArray) -> None:
+    for n in range(len(seen)):
+        first, second = np.inf, np.inf
+        for k in range(len(centres)):
+            r, g, b = seen[n, 0] - centres[k, 0], seen[n, 1] - centres[k, 1], seen[n, 2] - centres[k, 2]
+            distance = np.sqrt(r * r + g * g + b * b)
+            if distance < first:
+                first, second, label[n] = distance, first, k
+            elif distance < second:
+                second = distance
+        margin[n] = (second - first) / max(second + first, 1e-9)

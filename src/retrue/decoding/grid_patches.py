@@ -93,7 +93,8 @@ def _look_at(picture: Image, p: FloatArray, u: FloatArray, v: FloatArray, duty: 
     patch, lines = np.empty((SAMPLES, SAMPLES, 3)), np.empty((2, 2, SAMPLES, 3))
     change, color = np.empty(SAMPLES), np.empty(3)
     inner, core, across = int(0.55 * half / spacing), int(0.75 * half / spacing), int(0.8 * half / spacing)
-    values, apart = np.empty((2 * inner + 1) ** 2), np.empty((2 * core + 1) ** 2)
+    values, apart = np.empty((2 * inner + 1) ** 2), np.empty((2 * core + 1) ** 2 // 10 + 1)
+    share = 1 / across
     sides = np.empty((2, 2, 2))  # axis, half of the line, end
     for n in range(len(p)):
         for i in range(SAMPLES):
@@ -116,27 +117,31 @@ def _look_at(picture: Image, p: FloatArray, u: FloatArray, v: FloatArray, duty: 
             found[n, c] = color[c] - floor
             step += found[n, c] ** 2
         step = np.sqrt(step)
-        k = 0
+        apart[:] = 0
         for i in range(mid - core, mid + core + 1):
             for j in range(mid - core, mid + core + 1):
-                apart[k] = _apart(color, patch[i, j, 0], patch[i, j, 1], patch[i, j, 2]) / step
-                k += 1
-        apart.sort()
-        found[n, 8] = apart[9 * len(apart) // 10]
-        lines[:] = 0
+                value, k = _apart(color, patch[i, j, 0], patch[i, j, 1], patch[i, j, 2]), len(apart) - 1
+                while k >= 0 and apart[k] < value:  # keep the largest tenth, in order
+                    if k < len(apart) - 1:
+                        apart[k + 1] = apart[k]
+                    k -= 1
+                if k < len(apart) - 1:
+                    apart[k + 1] = value
+        found[n, 8] = apart[-1] / step
+        lines[:] = 0  # sums over `across` lines
         for i in range(SAMPLES):
             for k in range(1, across + 1):
                 for c in range(3):
-                    lines[0, 0, i, c] += patch[mid - k, i, c] / across
-                    lines[0, 1, i, c] += patch[mid + k, i, c] / across
-                    lines[1, 0, i, c] += patch[i, mid - k, c] / across
-                    lines[1, 1, i, c] += patch[i, mid + k, c] / across
+                    lines[0, 0, i, c] += patch[mid - k, i, c]
+                    lines[0, 1, i, c] += patch[mid + k, i, c]
+                    lines[1, 0, i, c] += patch[i, mid - k, c]
+                    lines[1, 1, i, c] += patch[i, mid + k, c]
         found[n, 7] = 0
         for axis in range(2):
             for part in range(2):
                 for i in range(SAMPLES):
                     red, green, blue = lines[axis, part, i, 0], lines[axis, part, i, 1], lines[axis, part, i, 2]
-                    change[i] = _apart(color, red, green, blue) / step
+                    change[i] = _apart(color, red * share, green * share, blue * share) / step
                 sides[axis, part, 0] = _side(change[mid:], spacing, half)
                 sides[axis, part, 1] = _side(change[mid::-1], spacing, half)
             after = (sides[axis, 0, 0] + sides[axis, 1, 0]) / 2

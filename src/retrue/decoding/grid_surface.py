@@ -136,10 +136,30 @@ def sound_joints(position: FloatArray, joints: Joints) -> Joints:
     Where a surface hides part of another, blocks that are no neighbours stand side by side, and at a distance of
     their own.
     """
-    return Joints(
-        _like_another(position, joints.step((0, 1)), (0, 1))[:, :-1],
-        _like_another(position, joints.step((1, 0)), (1, 0))[:-1],
-    )
+    right, down = np.zeros_like(joints.right), np.zeros_like(joints.down)
+    position = np.ascontiguousarray(position)
+    _like_another(position, joints.right, 0, 1, right)
+    _like_another(position, joints.down, 1, 0, down)
+    return Joints(right, down)
+
+
+@compiled(numba.void(STACK, _FLAGS, numba.int64, numba.int64, numba.types.Array(numba.boolean, 2, "C")))
+def _like_another(position: FloatArray, linked: BoolArray, down: int, right: int, alike: BoolArray) -> None:
+    """`alike` <- which of the `linked` steps to (down, right) differ little from the one beside, before or after them."""
+    rows, columns = linked.shape
+    for r in range(rows):
+        for c in range(columns):
+            if not linked[r, c]:
+                continue
+            x = position[r + down, c + right, 0] - position[r, c, 0]
+            y = position[r + down, c + right, 1] - position[r, c, 1]
+            for dr, dc in ((0, 1), (0, -1), (1, 0), (-1, 0)):
+                i, j = r + dr, c + dc
+                if 0 <= i < rows and 0 <= j < columns and linked[i, j]:
+                    dx = position[i + down, j + right, 0] - position[i, j, 0] - x
+                    dy = position[i + down, j + right, 1] - position[i, j, 1] - y
+                    if dx * dx + dy * dy < STEP_CHANGE**2 * (x * x + y * y):
+                        alike[r, c] = True
 
 
 def in_squares(joints: Joints) -> BoolArray:
@@ -217,14 +237,6 @@ def agreement(position: FloatArray, joints: Joints) -> Agreement:
     spread = np.max(np.nan_to_num(np.linalg.norm(lines - expected, axis=-1)), axis=0)
     expected[count < 2] = np.nan
     return Agreement(odd, expected, spread, sigma)
-
-
-def _like_another(position: FloatArray, linked: BoolArray, direction: tuple[int, int]) -> BoolArray:
-    step = np.where(linked[..., None], shifted(position, direction, np.nan) - position, np.nan)
-    others = [shifted(step, other, np.nan) for other in ((0, 1), (0, -1), (1, 0), (-1, 0))]
-    change = np.stack([np.linalg.norm(step - other, axis=-1) for other in others])
-    nearest = np.min(np.where(np.isfinite(change), change, np.inf), axis=0)
-    return linked & (nearest < STEP_CHANGE * np.linalg.norm(step, axis=-1))
 
 
 def _linked_on_both_sides(joints: Joints, direction: tuple[int, int]) -> BoolArray:
