@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from retrue.geometry.arrays import BoolArray, FloatArray
-from retrue.geometry.compiling import OUT_STACK, STACK, compiled, numba
+from retrue.geometry.compiling import OUT_STACK, STACK, VECTOR, compiled, numba
 
 CREASE = 0.1  # change of the pitch from one block to the next that no smooth surface shows
 OUTLIER_SIGMAS = 5.0
@@ -35,24 +35,6 @@ class Joints:
         """(rows, columns) blocks that are linked to all four of their neighbours."""
         right, down = np.pad(self.right, ((0, 0), (1, 1))), np.pad(self.down, ((1, 1), (0, 0)))
         return right[:, :-1] & right[:, 1:] & down[:-1] & down[1:]
-
-    def towards(self, direction: tuple[int, int]) -> BoolArray:
-        """The same as `step`, also backwards along rows and columns."""
-        back = (-direction[0], -direction[1])
-        return self.step(direction) if min(direction) >= 0 else shifted(self.step(back), direction, False)
-
-    def step(self, direction: tuple[int, int]) -> BoolArray:
-        """(rows, columns) whether each is linked to the one in `direction` (down, right), diagonals over a corner."""
-        right = np.pad(self.right, ((0, 0), (0, 1)))
-        down = np.pad(self.down, ((0, 1), (0, 0)))
-        if direction == (0, 1):
-            return right
-        if direction == (1, 0):
-            return down
-        if direction == (1, 1):
-            return (right & shifted(down, (0, 1), False)) | (down & shifted(right, (1, 0), False))
-        left = shifted(right, (0, -1), False)
-        return (left & shifted(down, (0, -1), False)) | (down & shifted(left, (1, 0), False))
 
 
 def shifted(grid: NDArray[Scalar], step: tuple[int, int], fill: float) -> NDArray[Scalar]:
@@ -176,25 +158,60 @@ def whole_blocks(shape: FloatArray, position: FloatArray, joints: Joints) -> Boo
     `shape` (rows, columns, 2, 2) are the second moments M of the blocks; in grid units, J^-1 M J^-T with J the steps.
     """
     right, down, _ = slopes(position, joints)
-    determinant = right[..., 0] * down[..., 1] - right[..., 1] * down[..., 0]
-    with np.errstate(divide="ignore", invalid="ignore"):
-        across = np.stack([down[..., 1], -down[..., 0]], axis=-1) / determinant[..., None]  # rows of J^-1
-        along = np.stack([-right[..., 1], right[..., 0]], axis=-1) / determinant[..., None]
-        rows = np.stack([across, along], axis=-2)
-        side = np.sqrt(np.einsum("rcki,rcij,rckj->rck", rows, shape, rows))
+    side = np.full_like(position, np.nan)
+    _sides(np.ascontiguousarray(shape.reshape(*shape.shape[:2], 4)), right, down, side)
     known = np.isfinite(side).all(axis=-1)
     if not known.any():
         return known
     usual = np.median(side[known], axis=0)
-    neighbours = [
-        np.where(linked[..., None], shifted(side, direction, np.nan), np.nan)
-        for direction, linked in ((step, joints.towards(step)) for step in ((0, 1), (0, -1), (1, 0), (-1, 0)))
-    ]
-    like = np.stack(neighbours)
-    like = np.median(np.where(np.isfinite(like), like, usual), axis=0)
-    pixels = 12**0.5 * like * np.stack([np.linalg.norm(right, axis=-1), np.linalg.norm(down, axis=-1)], axis=-1)
-    change = SIDE_CHANGE + PIXELS_CHANGE / np.maximum(pixels, 1.0)
-    return known & ((side < change * like) & (side > like / change)).all(axis=-1)
+    _compare_sides(side, usual, right, down, joints.right, joints.down, known)
+    return known
+
+
+@compiled(numba.void(STACK, STACK, STACK, OUT_STACK))
+def _sides(shape: FloatArray, right: FloatArray, down: FloatArray, side: FloatArray) -> None:
+    """`side` (rows, columns, 2) <- standard deviation of each block along its row and column, in steps of the grid."""
+    for r in range(len(shape)):
+        for c in range(shape.shape[1]):
+            ux, uy, vx, vy = right[r, c, 0], right[r, c, 1], down[r, c, 0], down[r, c, 1]
+            xx, xy, yy = shape[r, c, 0], shape[r, c, 1], shape[r, c, 3]
+            size = abs(ux * vy - uy * vx)
+            side[r, c, 0] = np.sqrt(vy * vy * xx - 2 * vx * vy * xy + vx * vx * yy) / size
+            side[r, c, 1] = np.sqrt(uy * uy * xx - 2 * ux * uy * xy + ux * ux * yy) / size
+
+
+@compiled(numba.void(STACK, VECTOR, STACK, STACK, _FLAGS, _FLAGS, numba.types.Array(numba.boolean, 2, "C")))
+def _compare_sides(
+    side: FloatArray,
+    usual: FloatArray,
+    right: FloatArray,
+    down: FloatArray,
+    linked_right: BoolArray,
+    linked_down: BoolArray,
+    alike: BoolArray,
+) -> None:
+    """`alike` is cleared where a block's sides are not those of its linked neighbours, or the `usual` ones for lack."""
+    rows, columns = alike.shape
+    others = np.empty(4)
+    for r in range(rows):
+        for c in range(columns):
+            if not alike[r, c]:
+                continue
+            for k in range(2):
+                n = 0
+                for dr, dc in ((0, 1), (0, -1), (1, 0), (-1, 0)):
+                    i, j = r + dr, c + dc
+                    others[n] = usual[k]
+                    if 0 <= i < rows and 0 <= j < columns:
+                        linked = linked_right[r, min(c, j)] if dr == 0 else linked_down[min(r, i), c]
+                        if linked and np.isfinite(side[i, j, k]):
+                            others[n] = side[i, j, k]
+                    n += 1
+                like = (others.sum() - others.min() - others.max()) / 2  # their median
+                pitch = np.hypot(right[r, c, 0], right[r, c, 1]) if k == 0 else np.hypot(down[r, c, 0], down[r, c, 1])
+                change = SIDE_CHANGE + PIXELS_CHANGE / max(12**0.5 * like * pitch, 1.0)
+                if not like / change < side[r, c, k] < change * like:
+                    alike[r, c] = False
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -221,33 +238,48 @@ def agreement(position: FloatArray, joints: Joints) -> Agreement:
     A crease or the edge of a surface leaves at least one of these lines straight; a block that is off all of
     them is off the surface, or was measured badly.
     """
-    both_sides = [_linked_on_both_sides(joints, direction) for direction in DIRECTIONS]
-    middles = _middles(position, both_sides)
-    off = position - middles
-    distance = np.linalg.norm(off, axis=-1)
-    known = np.isfinite(distance)
-    sample = np.abs(off[known])
+    right, down = joints.right, joints.down
+    lines = np.full((len(DIRECTIONS), *position.shape), np.nan)
+    _middles(np.ascontiguousarray(position), right, down, lines)
+    off = position - lines
+    distance = np.sqrt((off**2).sum(axis=-1))
+    sample = np.abs(off[np.isfinite(distance)])
     sigma = max(float(np.median(sample)) / (0.6745 * 1.5**0.5), LEAST_SIGMA) if len(sample) else LEAST_SIGMA
-    closest = np.min(np.where(known, distance, np.inf), axis=0)
-    odd = np.isfinite(position[..., 0]) & (closest > OUTLIER_SIGMAS * sigma)
-    clean = np.where(odd[..., None], np.nan, position)
-    lines = _middles(clean, both_sides)
+    here = np.isfinite(position[..., 0])
+    odd = here & ~(np.fmin.reduce(distance) <= OUTLIER_SIGMAS * sigma)
+    if odd.any():
+        lines[:] = np.nan
+        _middles(np.where(odd[..., None], np.nan, position), right, down, lines)
     count = np.isfinite(lines[..., 0]).sum(axis=0)
-    expected = np.nansum(lines, axis=0) / np.where(count > 0, count, np.nan)[..., None]
-    spread = np.max(np.nan_to_num(np.linalg.norm(lines - expected, axis=-1)), axis=0)
-    expected[count < 2] = np.nan
+    expected = np.nansum(lines, axis=0) / np.where(count > 1, count, np.nan)[..., None]
+    spread = np.nan_to_num(np.sqrt(np.fmax.reduce(((lines - expected) ** 2).sum(axis=-1))))
     return Agreement(odd, expected, spread, sigma)
 
 
-def _linked_on_both_sides(joints: Joints, direction: tuple[int, int]) -> BoolArray:
-    linked = joints.step(direction)
-    return linked & shifted(linked, (-direction[0], -direction[1]), False)
+_LINES = numba.types.Array(numba.float64, 4, "C")
 
 
-def _middles(position: FloatArray, both_sides: list[BoolArray]) -> FloatArray:
-    """(4, rows, columns, 2) the middle of the two neighbours of each block in each of DIRECTIONS; NaN where none."""
-    middles = np.full((len(DIRECTIONS), *position.shape), np.nan)
-    for middle, linked, (down, right) in zip(middles, both_sides, DIRECTIONS, strict=True):
-        ahead, behind = shifted(position, (down, right), np.nan), shifted(position, (-down, -right), np.nan)
-        middle[linked] = (ahead[linked] + behind[linked]) / 2
-    return middles
+@compiled(numba.void(STACK, _FLAGS, _FLAGS, _LINES))
+def _middles(position: FloatArray, right: BoolArray, down: BoolArray, lines: FloatArray) -> None:
+    """`lines` (4, rows, columns, 2) <- middle of the two linked neighbours of each block, in each of DIRECTIONS.
+
+    A diagonal neighbour is linked over either corner.
+    """
+    rows, columns, _ = position.shape
+    linked = np.zeros((4, rows, columns), dtype=np.bool_)  # each block to the next in that direction
+    for r in range(rows):
+        for c in range(columns):
+            ahead, below = c < columns - 1 and right[r, c], r < rows - 1 and down[r, c]
+            linked[0, r, c], linked[1, r, c] = ahead, below
+            if r == rows - 1:
+                continue
+            if c < columns - 1:
+                linked[2, r, c] = (ahead and down[r, c + 1]) or (below and right[r + 1, c])
+            if c > 0:
+                linked[3, r, c] = (right[r, c - 1] and down[r, c - 1]) or (below and right[r + 1, c - 1])
+    for k, (dr, dc) in enumerate(DIRECTIONS):
+        for r in range(dr, rows - dr):
+            for c in range(abs(dc), columns - abs(dc)):
+                if linked[k, r, c] and linked[k, r - dr, c - dc]:
+                    for i in range(2):
+                        lines[k, r, c, i] = (position[r + dr, c + dc, i] + position[r - dr, c - dc, i]) / 2

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from functools import lru_cache
-from typing import cast
 
 import numpy as np
 from numpy.typing import NDArray
@@ -176,16 +175,29 @@ def patch_evidence(code: Code, joints: Joints, held: BoolArray, right: BoolArray
 def _evidence(code: Code, start: IntArray, end: IntArray, placed: BoolArray, right: BoolArray) -> FloatArray:
     """m of n colours right has probability C(n, m) q^m, q of one colour by chance; and a surface could have been laid
     over any place of the code, starting from any of its blocks."""
-    from scipy.sparse import coo_array, csgraph
     from scipy.special import gammaln
 
     count = len(placed)
-    graph = coo_array((np.ones(len(start), np.int8), (start, end)), shape=(count, count))
-    surface = cast(tuple[int, IntArray], csgraph.connected_components(graph, directed=False))[1]
+    surface = np.arange(count)
+    _join(np.ascontiguousarray(start, dtype=np.int64), np.ascontiguousarray(end, dtype=np.int64), surface)
     n, m = np.bincount(surface, placed), np.bincount(surface, placed & right)
     log_chance = gammaln(n + 1) - gammaln(m + 1) - gammaln(n - m + 1) - m * np.log(max(code.base - 1, 2))
     log_trials = np.log(len(code.windows)) + np.log(max(int(placed.sum()), 1))
     return np.where(placed, -(log_chance + log_trials)[surface], -np.inf)
+
+
+@compiled(numba.void(_INTEGERS, _INTEGERS, numba.types.Array(numba.int64, 1, "C")))
+def _join(start: IntArray, end: IntArray, surface: IntArray) -> None:
+    """`surface` (N,), 0 .. N - 1 at first <- one number for all that are linked."""
+    for k in range(len(start)):
+        a, b = start[k], end[k]
+        while surface[a] != a:
+            surface[a] = a = surface[surface[a]]
+        while surface[b] != b:
+            surface[b] = b = surface[surface[b]]
+        surface[max(a, b)] = min(a, b)
+    for k in range(len(surface)):
+        surface[k] = surface[surface[k]]
 
 
 def joined_places(links: Links, place: IntArray, holder: IntArray) -> Joints:
