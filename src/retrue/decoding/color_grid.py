@@ -75,11 +75,11 @@ def correspondences_of(sight: GridSight) -> Correspondences:
     row, column = cells[:, 0], cells[:, 1]
     pattern = sight.pattern
     h, w = sight.picture.shape[:2]
-    decoded = len(cells)
+    decoded, rejected = len(cells), sight.rejected()
     card: dict[str, Any] = {
-        "blocks_seen": len(sight.blocks),
+        "blocks_seen": decoded + sum(rejected.values()),
         "decoded": decoded,
-        "rejected": sight.rejected(),
+        "rejected": rejected,
         "coverage": round(_coverage(sight.centre_px[row, column], w, h), 3),
         "block_px": round(sight.block_px, 1),
         "advice": advise(sight, decoded),

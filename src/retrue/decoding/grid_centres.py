@@ -40,11 +40,11 @@ class Centres:
     Attributes
     ----------
     camera_px : (rows, columns, 2) the image of the centre.
-    sigma_px : (rows, columns) standard deviation per axis.
+    doubt_px : (rows, columns) what it may be off beyond noise, one standard deviation; 0 of most.
     """
 
     camera_px: FloatArray
-    sigma_px: FloatArray
+    doubt_px: FloatArray
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -107,9 +107,9 @@ def refine_centres(image: Image, coarse: FloatArray, joints: Joints, duty: float
     position = np.where((unsure & straight)[..., None], second.expected, by_sides)
     limit = np.where(joints.inside(), DISAGREEMENT, RIM_DISAGREEMENT) * pitch
     position[unsure & ~straight & ~(between < limit)] = np.nan
-    sigma = np.hypot(first.sigma, np.where(unsure, np.where(straight, second.spread, between), 0.0))
-    sigma[~np.isfinite(position[..., 0])] = np.nan
-    return Centres(position, sigma)
+    doubt = np.where(unsure, np.where(straight, second.spread, between), 0.0)
+    doubt[~np.isfinite(position[..., 0])] = np.nan
+    return Centres(position, doubt)
 
 
 def _color_weights(picture: _Smoothed, p: FloatArray, u: FloatArray, v: FloatArray) -> FloatArray:

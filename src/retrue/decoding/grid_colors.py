@@ -43,9 +43,7 @@ def local_level(amounts: FloatArray) -> FloatArray:
     return np.maximum(level, 0.15 * level.max(axis=1, keepdims=True))
 
 
-def separate_colors(
-    added: FloatArray, around: IntArray, palette: ArrayLike
-) -> tuple[Colors, IntArray, FloatArray]:
+def separate_colors(added: FloatArray, around: IntArray, palette: ArrayLike) -> tuple[Colors, IntArray, FloatArray]:
     """What colours look like, and colour index (N,) and margin (N,) of each block, of light `added` (N, 3).
 
     Projector and camera mix the channels alike everywhere, paint and vignetting scale them from place to
@@ -57,7 +55,9 @@ def separate_colors(
     centres = palette / np.maximum(palette.max(axis=0), 1e-9)
     unmixing = _unmixing(np.maximum(added, 0.0), palette)
     amounts = Colors(unmixing, centres).amounts(added)
-    seen = amounts / np.maximum(local_level(amounts[np.where(around >= 0, around, np.arange(len(amounts))[:, None])]), 1e-9)
+    seen = amounts / np.maximum(
+        local_level(amounts[np.where(around >= 0, around, np.arange(len(amounts))[:, None])]), 1e-9
+    )
     for _ in range(ROUNDS):
         label, margin = _nearest(seen, centres)
         sure = margin > 0.2

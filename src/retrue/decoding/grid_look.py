@@ -1,8 +1,8 @@
-"""One look at a picture, from a given distance: find, link, name, place, measure."""
+"""One look at a picture, from a given distance: find, link, name, place, measure, grow."""
 
 from __future__ import annotations
 
-from typing import Any
+from dataclasses import dataclass
 
 import cv2
 import numpy as np
@@ -10,86 +10,47 @@ from numpy.typing import NDArray
 
 from retrue.decoding.grid_blocks import Blocks, find_blocks
 from retrue.decoding.grid_centres import refine_centres
-from retrue.decoding.grid_colors import separate_colors
-from retrue.decoding.grid_growth import Grown, cut_blocks, grow
+from retrue.decoding.grid_colors import Colors, separate_colors
+from retrue.decoding.grid_growth import MISFIT, Surfaces, cut_blocks, grow
+from retrue.decoding.grid_holders import held_by, hold_places, on_surfaces
 from retrue.decoding.grid_islands import place_islands
-from retrue.decoding.grid_links import NONE, Links, link_blocks
+from retrue.decoding.grid_links import NONE, link_blocks
+from retrue.decoding.grid_noise import noise_of
 from retrue.decoding.grid_sight import GridSight, Verdict
-from retrue.decoding.grid_surface import Joints, in_squares, slopes, sound_joints, whole_blocks
-from retrue.decoding.grid_windows import (
-    SIGNIFICANCE,
-    Code,
-    code_of,
-    joined_places,
-    neighbours_colors,
-    patch_evidence,
-    place_blocks,
-    surface_evidence,
-)
-from retrue.geometry.arrays import BoolArray, FloatArray, Image, IntArray
+from retrue.decoding.grid_surface import Joints, slopes
+from retrue.decoding.grid_windows import Code, code_of, place_blocks
+from retrue.geometry.arrays import FloatArray, Image, IntArray
 from retrue.patterns.color_grid import ColorGrid
 
-SURROUNDED = 5  # agreeing neighbours of eight, from which on a block's own colour need not be beyond doubt
-LEAST_AGREEING = 3  # of all other blocks, which may also have one neighbour whose colour is clearly another
 CLEAR_MARGIN = 0.3  # of a colour beyond doubt
+OWN_PLACE = 0.5  # pitches about a centre in which a blob is that block
 
 
 def look(pattern: ColorGrid, picture: Image, halvings: int) -> GridSight:
     """What `picture` (h, w, 3), halved so many times, shows of `pattern`; centres are measured in full size."""
-    scale = 2**halvings
     blocks = find_blocks(_eight_bits(_halved(picture, halvings)))
     links = link_blocks(blocks)
     colors, label, margin = separate_colors(blocks.color, links.around, pattern.colors)
-    code = code_of(pattern)
+    code, clear = code_of(pattern), margin > CLEAR_MARGIN
     place = place_blocks(code, links, label)
-    right = label == code.color(place)
+    verdict, holder, joints = hold_places(code, blocks, links, label, clear, place)
 
-    verdict, holder = _hold_places(code, links, label, place)
-    clear = margin > CLEAR_MARGIN
-    agreeing, contradicting = neighbours_colors(code, links, label, clear, place)
-    sure = (agreeing >= SURROUNDED) | ((agreeing >= LEAST_AGREEING) & (contradicting < 2) & right & clear)
-    holder = np.where(held_by(holder, sure, False), holder, NONE)
-    holder, joints = _on_surfaces(code, blocks, links, place, right, holder)
-
-    coarse = (held_by(holder, blocks.centre, np.nan) + 0.5) * scale - 0.5
-    duty = pattern.block / pattern.pitch
-    centres = refine_centres(picture, coarse, joints, duty)
-    def grown(position: FloatArray, joints: Joints, amounts: FloatArray, fresh: BoolArray) -> Grown:
-        cut = cut_blocks(picture, position, joints, duty) & fresh
-        gone = np.where(cut[..., None], np.nan, position)
-        held = np.isfinite(gone[..., 0])
-        return grow(picture, gone, joints.between(held), amounts, held & fresh, colors, code.cells, duty)
-
-    held = np.isfinite(centres.camera_px[..., 0])
-    amounts = held_by(np.where(held, holder, NONE), colors.amounts(blocks.color), np.nan)
-    surfaces = grown(centres.camera_px, joints.between(held), amounts, held)
-    position = (surfaces.position + 0.5) / scale - 0.5
-    left = _free_blobs(blocks, position, surfaces.joints)
-    island = place_islands(code, blocks, links, label, clear, left, position, surfaces.joints)
+    table = _Table(picture, 2**halvings, blocks, colors, code, pattern.block / pattern.pitch)
+    surfaces = table.extended(_nothing(code), holder, joints)
+    left = table.blob_cells(surfaces) < 0
+    island = place_islands(code, blocks, links, label, clear, left, table.scaled(surfaces.position), surfaces.joints)
     if (island >= 0).any():
-        place = np.where(island >= 0, island, place)
-        right = label == code.color(place)
         row, column, _ = code.split(island[island >= 0])
-        more = np.full_like(holder, NONE)
-        more[row, column] = np.flatnonzero(island >= 0)
-        position = held_by(more, blocks.centre, np.nan)
-        more_joints = sound_joints(position, joined_places(links, island, more))
-        keep = in_squares(more_joints) & whole_blocks(held_by(more, blocks.shape, np.nan), position, more_joints)
-        more = np.where(keep, more, NONE)
-        more_joints = more_joints.between(keep)
-        coarse = (held_by(more, blocks.centre, np.nan) + 0.5) * scale - 0.5
-        extra = refine_centres(picture, coarse, more_joints, duty)
-        there = np.isfinite(extra.camera_px[..., 0])
-        holder = np.where(there, more, holder)
-        amounts = np.where(there[..., None], held_by(more, colors.amounts(blocks.color), np.nan), surfaces.amounts)
-        both = np.where(there[..., None], extra.camera_px, surfaces.position)
-        more_joints = more_joints.between(there)
-        all_joints = Joints(surfaces.joints.right | more_joints.right, surfaces.joints.down | more_joints.down)
-        surfaces = grown(both, all_joints, amounts, there)
-    centres.camera_px[:] = surfaces.position
-    centres.sigma_px[np.isnan(centres.sigma_px) & np.isfinite(surfaces.position[..., 0])] = 0.3
-    lost = np.setdiff1d(np.flatnonzero(verdict == Verdict.DECODED), holder[np.isfinite(centres.camera_px[..., 0])])
-    verdict[lost] = Verdict.OFF_SURFACE
+        holder = np.full_like(holder, NONE)
+        holder[row, column] = np.flatnonzero(island >= 0)
+        surfaces = table.extended(surfaces, *on_surfaces(blocks, links, island, holder))
+
+    holder = table.blobs_of(surfaces)
+    verdict[verdict == Verdict.DECODED] = Verdict.OFF_SURFACE
+    verdict[holder[holder >= 0]] = Verdict.DECODED
+    right = held_by(holder, label, NONE) == code.cells
+    margin = held_by(holder, margin, 0.0)
+    by_color = np.where(right, 0.5 + 0.5 * margin, 0.5 * (1 - margin))
     return GridSight(
         pattern=pattern,
         picture=picture,
@@ -97,68 +58,78 @@ def look(pattern: ColorGrid, picture: Image, halvings: int) -> GridSight:
         blocks=blocks,
         links=links,
         label=label,
-        place=place,
         verdict=verdict,
         holder=holder,
-        centre_px=centres.camera_px,
-        sigma_px=centres.sigma_px,
-        confidence=held_by(holder, np.where(right, 0.5 + 0.5 * margin, 0.5 * (1 - margin)), 0.0),
-        color=held_by(holder, np.clip(blocks.color, 0, 255).astype(np.uint8), 0),
+        centre_px=surfaces.position,
+        sigma_px=np.hypot(noise_of(surfaces.position, surfaces.joints), surfaces.doubt),
+        confidence=np.where(np.isfinite(surfaces.misfit), 1 - 0.5 * surfaces.misfit / MISFIT, by_color),
+        color=np.clip(np.nan_to_num(surfaces.light), 0, 255).astype(np.uint8),
     )
 
 
-def _free_blobs(blocks: Blocks, position: FloatArray, joints: Joints) -> BoolArray:
-    """(N,) blobs that are off all blocks at `position` by half a pitch."""
-    from scipy.spatial import KDTree
-
-    u, v, _ = slopes(position, joints)
-    pitch = np.minimum(np.linalg.norm(u, axis=-1), np.linalg.norm(v, axis=-1))
-    held = np.isfinite(pitch)
-    if not held.any():
-        return np.ones(len(blocks), dtype=bool)
-    distance, nearest = KDTree(position[held]).query(blocks.centre)
-    return distance > 0.5 * pitch[held][nearest]
+def _nothing(code: Code) -> Surfaces:
+    none = np.full((code.rows, code.columns, 3), np.nan)
+    flags = np.zeros((code.rows, code.columns), dtype=bool)
+    return Surfaces(none[..., :2], none, none[..., 0], none[..., 0], Joints(flags[:, 1:], flags[1:]))
 
 
-def held_by(holder: IntArray, values: NDArray[Any], fill: float) -> NDArray[Any]:
-    """`values` (N, ...) of the blob that holds each place (rows, columns), `fill` where none does."""
-    held = holder >= 0
-    result = np.full((*holder.shape, *values.shape[1:]), fill, dtype=values.dtype)
-    result[held] = values[holder[held]]
-    return result
+@dataclass(frozen=True, slots=True, eq=False)
+class _Table:
+    """A picture and its blobs, to measure with."""
 
+    picture: Image
+    scale: int
+    blocks: Blocks
+    colors: Colors
+    code: Code
+    duty: float
 
-def _hold_places(code: Code, links: Links, label: IntArray, place: IntArray) -> tuple[IntArray, IntArray]:
-    """A verdict (N,) on each blob so far, and the blob that holds each place (rows, columns), or -1.
+    def extended(self, surfaces: Surfaces, holder: IntArray, joints: Joints) -> Surfaces:
+        """`surfaces`, and the blobs of `holder` on theirs, measured; those that are cut go, and all of it grows."""
+        coarse = (held_by(holder, self.blocks.centre, np.nan) + 0.5) * self.scale - 0.5
+        centres = refine_centres(self.picture, coarse, joints, self.duty)
+        position = centres.camera_px
+        there = np.isfinite(position[..., 0])
+        there &= ~cut_blocks(self.picture, position, joints.between(there), self.duty)
+        joints = joints.between(there)
+        new = there[..., None]
+        together = Surfaces(
+            np.where(new, position, surfaces.position),
+            np.where(new, held_by(holder, self.blocks.color, np.nan), surfaces.light),
+            np.where(there, centres.doubt_px, surfaces.doubt),
+            surfaces.misfit,
+            Joints(surfaces.joints.right | joints.right, surfaces.joints.down | joints.down),
+        )
+        return grow(self.picture, together, there, self.colors, self.code.cells, self.duty)
 
-    Of two blobs in one place, the one on the surer surface holds it.
-    """
-    nats = surface_evidence(code, links, label, place)
-    verdict = np.full(len(place), int(Verdict.DECODED))
-    verdict[~(nats > SIGNIFICANCE)] = Verdict.TOO_FEW
-    verdict[place < 0] = Verdict.NO_PLACE
-    verdict[(links.neighbour < 0).all(axis=1)] = Verdict.ALONE
-    index = np.flatnonzero(verdict == Verdict.DECODED)
-    index = index[np.argsort(nats[index], kind="stable")]
-    row, column, _ = code.split(place[index])
-    holder = np.full((code.rows, code.columns), NONE)
-    holder[row, column] = index
-    verdict[index[holder[row, column] != index]] = Verdict.DOUBLED
-    return verdict, holder
+    def scaled(self, position: FloatArray) -> FloatArray:
+        """Pixels of the picture in those of the blobs."""
+        return (position + 0.5) / self.scale - 0.5
 
+    def blob_cells(self, surfaces: Surfaces) -> IntArray:
+        """Cell (N,) of the block that each blob is, or covers, or -1."""
+        return self._nearest_cells(surfaces)[0]
 
-def _on_surfaces(
-    code: Code, blocks: Blocks, links: Links, place: IntArray, right: BoolArray, holder: IntArray
-) -> tuple[IntArray, Joints]:
-    """`holder` without the blocks whose size, or distance from their neighbours, is not their surface's; and joints."""
-    joints = joined_places(links, place, holder)
-    for _ in range(2):
-        position = held_by(holder, blocks.centre, np.nan)
-        joints = sound_joints(position, joined_places(links, place, holder))
-        keep = in_squares(joints) & whole_blocks(held_by(holder, blocks.shape, np.nan), position, joints)
-        keep &= patch_evidence(code, joints, keep, held_by(holder, right, False)) > SIGNIFICANCE
-        holder = np.where(keep, holder, NONE)
-    return holder, joints.between(holder >= 0)
+    def blobs_of(self, surfaces: Surfaces) -> IntArray:
+        """Blob (rows, columns) that each block is, or -1."""
+        cell, distance = self._nearest_cells(surfaces)
+        order = np.argsort(-distance, kind="stable")
+        order = order[cell[order] >= 0]
+        holder = np.full(surfaces.held.size, NONE)
+        holder[cell[order]] = order
+        return holder.reshape(surfaces.held.shape)
+
+    def _nearest_cells(self, surfaces: Surfaces) -> tuple[IntArray, FloatArray]:
+        from scipy.spatial import KDTree
+
+        position = self.scaled(surfaces.position)
+        u, v, _ = slopes(position, surfaces.joints)
+        pitch = np.minimum(np.linalg.norm(u, axis=-1), np.linalg.norm(v, axis=-1)).ravel()
+        cells = np.flatnonzero(np.isfinite(pitch))
+        if not len(cells):
+            return np.full(len(self.blocks), NONE), np.full(len(self.blocks), np.inf)
+        distance, nearest = KDTree(position.reshape(-1, 2)[cells]).query(self.blocks.centre)
+        return np.where(distance < OWN_PLACE * pitch[cells][nearest], cells[nearest], NONE), distance
 
 
 def _halved(picture: Image, halvings: int) -> Image:

@@ -65,7 +65,9 @@ _FLAGS = numba.types.Array(numba.boolean, 2, "A", readonly=True)
 
 
 @compiled(numba.void(STACK, _FLAGS, OUT_STACK, OUT_STACK, numba.int64, numba.int64))
-def _slopes(position: FloatArray, linked: BoolArray, slope: FloatArray, bend: FloatArray, down: int, right: int) -> None:
+def _slopes(
+    position: FloatArray, linked: BoolArray, slope: FloatArray, bend: FloatArray, down: int, right: int
+) -> None:
     """`slope` (rows, columns, 2) <- mean of the steps before and after each block; their difference is added to `bend`."""
     rows, columns, _ = position.shape
     for r in range(rows):
@@ -238,9 +240,7 @@ def agreement(position: FloatArray, joints: Joints) -> Agreement:
     A crease or the edge of a surface leaves at least one of these lines straight; a block that is off all of
     them is off the surface, or was measured badly.
     """
-    right, down = joints.right, joints.down
-    lines = np.full((len(DIRECTIONS), *position.shape), np.nan)
-    _middles(np.ascontiguousarray(position), right, down, lines)
+    lines = middles(position, joints)
     off = position - lines
     distance = np.sqrt((off**2).sum(axis=-1))
     sample = np.abs(off[np.isfinite(distance)])
@@ -248,12 +248,18 @@ def agreement(position: FloatArray, joints: Joints) -> Agreement:
     here = np.isfinite(position[..., 0])
     odd = here & ~(np.fmin.reduce(distance) <= OUTLIER_SIGMAS * sigma)
     if odd.any():
-        lines[:] = np.nan
-        _middles(np.where(odd[..., None], np.nan, position), right, down, lines)
+        lines = middles(np.where(odd[..., None], np.nan, position), joints)
     count = np.isfinite(lines[..., 0]).sum(axis=0)
     expected = np.nansum(lines, axis=0) / np.where(count > 1, count, np.nan)[..., None]
     spread = np.nan_to_num(np.sqrt(np.fmax.reduce(((lines - expected) ** 2).sum(axis=-1))))
     return Agreement(odd, expected, spread, sigma)
+
+
+def middles(position: FloatArray, joints: Joints) -> FloatArray:
+    """(4, rows, columns, 2) middle of the two linked neighbours of each block, in each of DIRECTIONS; NaN where none."""
+    lines = np.full((len(DIRECTIONS), *position.shape), np.nan)
+    _middles(np.ascontiguousarray(position), joints.right, joints.down, lines)
+    return lines
 
 
 _LINES = numba.types.Array(numba.float64, 4, "C")
@@ -261,10 +267,7 @@ _LINES = numba.types.Array(numba.float64, 4, "C")
 
 @compiled(numba.void(STACK, _FLAGS, _FLAGS, _LINES))
 def _middles(position: FloatArray, right: BoolArray, down: BoolArray, lines: FloatArray) -> None:
-    """`lines` (4, rows, columns, 2) <- middle of the two linked neighbours of each block, in each of DIRECTIONS.
-
-    A diagonal neighbour is linked over either corner.
-    """
+    """The same; a diagonal neighbour is linked over either corner."""
     rows, columns, _ = position.shape
     linked = np.zeros((4, rows, columns), dtype=np.bool_)  # each block to the next in that direction
     for r in range(rows):
