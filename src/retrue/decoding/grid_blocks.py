@@ -65,7 +65,7 @@ def find_blocks(picture: Gray) -> Blocks:
 
 @compiled(numba.void(numba.types.Array(numba.int32, 2, "C"), OUT_MATRIX))
 def _blobs(owner: NDArray[np.int32], blobs: FloatArray) -> None:
-    """`blobs` (N, 6) <- area, centroid x, y and second moments xx, xy, yy; area 0 of what touches the border, and of 0."""
+    """`blobs` (N, 6) <- area, centroid x, y and second moments xx, xy, yy; area 0 of what touches the border."""
     height, width = owner.shape
     for y in range(height):
         for x in range(width):

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from retrue.decoding.grid_colors import Colors, local_level
+from retrue.decoding.grid_nearest import nearest
 from retrue.decoding.grid_patches import look_at
 from retrue.decoding.grid_surface import Joints, shifted, slopes
 from retrue.geometry.arrays import BoolArray, FloatArray, Image, IntArray
@@ -108,9 +109,8 @@ def _apart(p: FloatArray, least: FloatArray, cell: IntArray, held: FloatArray) -
 
     Points of one and the same cell must be close instead.
     """
-    from scipy.spatial import KDTree
-
-    good = KDTree(held).query(p)[0] > least
-    between = np.linalg.norm(p[:, None] - p, axis=-1)
+    apart = nearest(held, p)[0] > least
+    between: FloatArray = np.linalg.norm(p[:, None] - p, axis=-1)
     same = cell[:, None] == cell
-    return good & np.where(same, between < 0.3 * least[:, None], between > least[:, None]).all(axis=1)
+    right = np.where(same, between < 0.3 * least[:, None], between > least[:, None])
+    return apart & np.asarray(right.all(axis=1))

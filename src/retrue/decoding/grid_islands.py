@@ -2,10 +2,14 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+from typing import cast
+
 import numpy as np
 
 from retrue.decoding.grid_blocks import Blocks
 from retrue.decoding.grid_links import NONE, Links, bends, whitened_lengths
+from retrue.decoding.grid_nearest import nearest
 from retrue.decoding.grid_surface import Joints, slopes
 from retrue.decoding.grid_windows import COSINE, SINE, Code, rotated
 from retrue.geometry.arrays import BoolArray, FloatArray, IntArray
@@ -18,7 +22,17 @@ ALONG = 0.5  # least cosine between the axes of an island and those of the neare
 USUAL_STEP = 1.25  # most and least of the picture's usual step, in sides of the blobs
 MISREAD = -3.0  # nats that a clear blob of another colour than the code's costs
 SIGNIFICANCE = 8.0  # nats by which an island must beat chance
+LEAST_AREA = 1.0  # px^2 of a pitch squared
 LEAD = 4.0  # nats by which it must beat its second place
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Island:
+    """K blobs in one frame of their own: their `at` (row, column) in it (K, 2), and the `turn` of their frames (K,)."""
+
+    member: IntArray
+    at: IntArray
+    turn: IntArray
 
 
 def place_islands(
@@ -39,59 +53,65 @@ def place_islands(
     """
     place = np.full(len(blocks), NONE)
     u, v, _ = slopes(position, joints)
-    cells = np.argwhere(np.isfinite(position + u + v).all(axis=-1))
-    if not len(cells):
+    held = np.isfinite(position + u + v).all(axis=-1)
+    cells, free = np.argwhere(held), ~np.isfinite(position[..., 0])
+    if not len(cells) or not left.any():
         return place
-    from scipy.spatial import KDTree
-
-    held = tuple(cells.T)
-    tree = KDTree(position[held])
-    free = ~np.isfinite(position[..., 0])
-    lengths = whitened_lengths(blocks, links)
-    usual = np.nanmedian(lengths)
-    sound = (lengths < USUAL_STEP * usual) & (lengths > usual / USUAL_STEP) & left[:, None] & left[links.neighbour]
-    sound &= ~(bends(blocks, links) > STRAIGHT)
-    tried: list[tuple[float, IntArray, IntArray]] = []
+    islands = [island for island in _islands(_sound(blocks, links, left), links.turn) if len(island.member) >= FEWEST]
+    if not islands:
+        return place
+    middles = np.stack([blocks.centre[island.member].mean(axis=0) for island in islands])
+    near = nearest(position[held], middles)[1]
+    laid: list[tuple[float, _Island, IntArray]] = []
     ways = 1.0
-    for member, at, turn in _groups(np.where(sound, links.neighbour, NONE), links.turn):
-        if len(member) < FEWEST:
-            continue
-        axes = _axes(blocks.centre[member], at)
-        middle = blocks.centre[member].mean(axis=0)
-        near = int(tree.query(middle)[1])
-        there = cells[near]
-        uv = np.stack([u[held][near], v[held][near]], axis=1)
-        quarter = _quarter_turns(axes, uv)
+    for island, middle, beside in zip(islands, middles, near, strict=True):
+        surface = np.stack([u[held][beside], v[held][beside]], axis=1)
+        quarter = _quarter_turns(_axes(blocks.centre[island.member], island.at), surface)
         if quarter == NONE:
             continue
-        offset = rotated(at, np.array(quarter))
-        start = there + np.linalg.solve(uv, middle - position[held][near])[::-1] - offset.mean(axis=0)
-        corner = offset.min(axis=0)
-        shift = np.argwhere(np.ones(np.maximum(code.cells.shape - offset.max(axis=0) + corner, 0))) - corner
-        cell = shift[:, None] + offset
-        open_ = free[cell[..., 0], cell[..., 1]]
-        mostly = open_.mean(axis=1) > LEAST_FREE
-        shift, cell, open_ = shift[mostly], cell[mostly], open_[mostly]
+        offset = rotated(island.at, np.array(quarter))
+        away = cast(FloatArray, np.linalg.solve(surface, middle - position[held][beside]))
+        cell, far = _ways_to_lie(free, offset, np.asarray(cells[beside] + away[::-1], dtype=np.float64))
         if not len(cell):
             continue
-        far = FAR * np.linalg.norm(shift - start, axis=1)
         ways += float(np.exp(-far).sum())
-        right = open_ & (code.cells[cell[..., 0], cell[..., 1]] == label[member])
-        nats = np.where(right, np.log(code.base - 1), np.where(clear[member], MISREAD, MISREAD / 3)).sum(axis=1) - far
+        right = free[cell[..., 0], cell[..., 1]] & (code.cells[cell[..., 0], cell[..., 1]] == label[island.member])
+        misread = np.where(clear[island.member], MISREAD, MISREAD / 3)
+        nats = np.where(right, np.log(code.base - 1), misread).sum(axis=1) - far
         best = int(np.argmax(nats))
-        second = np.partition(nats, -2)[-2] if len(nats) > 1 else -np.inf
-        if nats[best] - second > LEAD:
-            where = (cell[best, :, 0] * code.columns + cell[best, :, 1]) * 4 + (quarter - turn) % 4
-            tried.append((float(nats[best]), member, np.where(right[best], where, NONE)))
-    for nats, member, where in tried:
+        if nats[best] > LEAD + np.delete(nats, best).max(initial=-np.inf):
+            row, column = cell[best].T
+            where = (row * code.columns + column) * 4 + (quarter - island.turn) % 4
+            laid.append((float(nats[best]), island, np.where(right[best], where, NONE)))
+    for nats, island, where in sorted(laid, key=lambda way: way[0]):
         if nats > SIGNIFICANCE + np.log(ways):
-            place[member] = where
+            place[island.member] = where
     return place
 
 
-def _groups(neighbour: IntArray, turn: IntArray) -> list[tuple[IntArray, IntArray, IntArray]]:
+def _sound(blocks: Blocks, links: Links, left: BoolArray) -> IntArray:
+    """Neighbours (N, 4) among blobs that are `left`, at the usual distance and straight on; or -1."""
+    lengths = whitened_lengths(blocks, links)
+    usual = np.nanmedian(lengths) if np.isfinite(lengths).any() else np.nan
+    sound = (lengths < USUAL_STEP * usual) & (lengths > usual / USUAL_STEP) & ~(bends(blocks, links) > STRAIGHT)
+    return np.where(sound & left[:, None] & left[links.neighbour], links.neighbour, NONE)
+
+
+def _ways_to_lie(free: BoolArray, offset: IntArray, continued: FloatArray) -> tuple[IntArray, FloatArray]:
+    """Cells (W, K, 2) of an island of `offset` (K, 2) wherever most of them are free, and the nats (W,) that each costs
+    for being far from where the surface beside it is `continued` to the island's middle."""
+    first = offset.min(axis=0)
+    room = np.maximum(np.array(free.shape) - (offset.max(axis=0) - first), 0)
+    shift = np.argwhere(np.ones(room, dtype=bool)) - first
+    cell = shift[:, None] + offset
+    mostly = free[cell[..., 0], cell[..., 1]].mean(axis=1) > LEAST_FREE
+    away = shift[mostly] + offset.mean(axis=0) - continued
+    return cell[mostly], FAR * np.sqrt((away**2).sum(axis=1))
+
+
+def _islands(neighbour: IntArray, turn: IntArray) -> list[_Island]:
     """Linked blobs, with their (row, column) and quarter turns in the frame of the first; none that contradict."""
-    groups: list[tuple[IntArray, IntArray, IntArray]] = []
+    islands: list[_Island] = []
     known = np.zeros(len(neighbour), dtype=bool)
     for root in np.flatnonzero((neighbour >= 0).any(axis=1)):
         if known[root]:
@@ -109,19 +129,22 @@ def _groups(neighbour: IntArray, turn: IntArray) -> list[tuple[IntArray, IntArra
                 queue.append(other)
         known[queue] = True
         if len(set(at.values())) == len(at):
-            groups.append((np.array(queue), np.array([at[b] for b in queue]), np.array([turned[b] for b in queue])))
-    return groups
+            member = [np.array(values) for values in (queue, [at[b] for b in queue], [turned[b] for b in queue])]
+            islands.append(_Island(*member))
+    return islands
 
 
 def _axes(centre: FloatArray, at: IntArray) -> FloatArray:
     """(2, 2) steps to the right and down, as columns, of blobs at (row, column)."""
     terms = np.column_stack([at[:, ::-1], np.ones(len(at))])
     normal = terms.T @ terms + 1e-6 * np.eye(3)  # a single row tells nothing of the other axis: 0
-    return np.linalg.solve(normal, terms.T @ centre)[:2].T
+    return np.asarray(np.linalg.solve(normal, terms.T @ centre), dtype=np.float64)[:2].T
 
 
 def _quarter_turns(axes: FloatArray, surface: FloatArray) -> int:
     """Quarter turns of an island's frame against the code's, so that both its axes lie along the surface's; or -1."""
+    if not (abs(np.linalg.det(surface)) > LEAST_AREA):
+        return NONE
     for quarter in range(4):
         c, s = COSINE[quarter], SINE[quarter]
         turned = np.stack([c * axes[:, 0] - s * axes[:, 1], s * axes[:, 0] + c * axes[:, 1]], axis=1)

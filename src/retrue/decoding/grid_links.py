@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from retrue.decoding.grid_blocks import Blocks
+from retrue.decoding.grid_nearest import nearest_of_all
 from retrue.geometry.arrays import FloatArray, IntArray
 from retrue.geometry.compiling import MATRIX, VECTOR, compiled, numba
 
@@ -41,13 +42,10 @@ def link_blocks(blocks: Blocks) -> Links:
     however steep the surface. What is left is a rotation, and that is the fourfold mean of the directions
     to the neighbours. Only mutual links stay.
     """
-    from scipy.spatial import KDTree
-
     count = len(blocks)
     if count < 9:
         return Links(np.full((count, 4), NONE), np.zeros((count, 4), np.int64))
-    near: IntArray = KDTree(blocks.centre).query(blocks.centre, k=min(CANDIDATES + 1, count))[1]  # type: ignore[assignment]
-    near = near[:, 1:]
+    near = nearest_of_all(blocks.centre, blocks.centre, min(CANDIDATES + 1, count))[1][:, 1:]
     neighbour = np.full((count, 4), NONE)
     area = np.sqrt(np.maximum(np.linalg.det(blocks.shape), 1e-9))
     _choose(blocks.centre, np.ascontiguousarray(_inverse_roots(blocks.shape).reshape(-1, 4)), area, near, neighbour)
@@ -59,7 +57,7 @@ _INTEGERS = numba.types.Array(numba.int64, 2, "A")
 
 @compiled(numba.void(MATRIX, MATRIX, VECTOR, _INTEGERS, _INTEGERS))
 def _choose(centre: FloatArray, whiten: FloatArray, area: FloatArray, near: IntArray, neighbour: IntArray) -> None:
-    """`neighbour` (N, 4) <- the nearest blob of those `near` (N, M) in each direction of the block's own frame, or -1."""
+    """`neighbour` (N, 4) <- the nearest blob of `near` (N, M) in each direction of the block's own frame, or -1."""
     candidates = near.shape[1]
     length, angle = np.empty(candidates), np.empty(candidates)
     best = np.empty(4)
@@ -99,7 +97,7 @@ def whitened_lengths(blocks: Blocks, links: Links) -> FloatArray:
 
 
 def bends(blocks: Blocks, links: Links) -> FloatArray:
-    """(N, 4) change of each link to the one before or after it, whichever is less, over its length; NaN: there is none."""
+    """(N, 4) change of each link to the one before or after it, the lesser one, over its length; NaN: none."""
     here = np.arange(4)
     step = np.where((links.neighbour >= 0)[..., None], blocks.centre[links.neighbour] - blocks.centre[:, None], np.nan)
     before = -step[:, (here + 2) % 4]

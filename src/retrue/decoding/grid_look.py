@@ -15,6 +15,7 @@ from retrue.decoding.grid_growth import MISFIT, Surfaces, cut_blocks, grow
 from retrue.decoding.grid_holders import held_by, hold_places, on_surfaces
 from retrue.decoding.grid_islands import place_islands
 from retrue.decoding.grid_links import NONE, link_blocks
+from retrue.decoding.grid_nearest import nearest
 from retrue.decoding.grid_noise import noise_of
 from retrue.decoding.grid_sight import GridSight, Verdict
 from retrue.decoding.grid_surface import Joints, slopes
@@ -120,16 +121,14 @@ class _Table:
         return holder.reshape(surfaces.held.shape)
 
     def _nearest_cells(self, surfaces: Surfaces) -> tuple[IntArray, FloatArray]:
-        from scipy.spatial import KDTree
-
         position = self.scaled(surfaces.position)
         u, v, _ = slopes(position, surfaces.joints)
         pitch = np.minimum(np.linalg.norm(u, axis=-1), np.linalg.norm(v, axis=-1)).ravel()
         cells = np.flatnonzero(np.isfinite(pitch))
         if not len(cells):
             return np.full(len(self.blocks), NONE), np.full(len(self.blocks), np.inf)
-        distance, nearest = KDTree(position.reshape(-1, 2)[cells]).query(self.blocks.centre)
-        return np.where(distance < OWN_PLACE * pitch[cells][nearest], cells[nearest], NONE), distance
+        distance, index = nearest(position.reshape(-1, 2)[cells], self.blocks.centre)
+        return np.where(distance < OWN_PLACE * pitch[cells][index], cells[index], NONE), distance
 
 
 def _halved(picture: Image, halvings: int) -> Image:

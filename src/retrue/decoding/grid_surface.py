@@ -68,7 +68,7 @@ _FLAGS = numba.types.Array(numba.boolean, 2, "A", readonly=True)
 def _slopes(
     position: FloatArray, linked: BoolArray, slope: FloatArray, bend: FloatArray, down: int, right: int
 ) -> None:
-    """`slope` (rows, columns, 2) <- mean of the steps before and after each block; their difference is added to `bend`."""
+    """`slope` (rows, columns, 2) <- mean of the steps before and after each block; `bend` += their difference."""
     rows, columns, _ = position.shape
     for r in range(rows):
         for c in range(columns):
@@ -129,7 +129,7 @@ def sound_joints(position: FloatArray, joints: Joints) -> Joints:
 
 @compiled(numba.void(STACK, _FLAGS, numba.int64, numba.int64, numba.types.Array(numba.boolean, 2, "C")))
 def _like_another(position: FloatArray, linked: BoolArray, down: int, right: int, alike: BoolArray) -> None:
-    """`alike` <- which of the `linked` steps to (down, right) differ little from the one beside, before or after them."""
+    """`alike` <- which of the `linked` steps to (down, right) are like the one beside, before or after them."""
     rows, columns = linked.shape
     for r in range(rows):
         for c in range(columns):
@@ -162,7 +162,7 @@ def whole_blocks(shape: FloatArray, position: FloatArray, joints: Joints) -> Boo
     right, down, _ = slopes(position, joints)
     side = np.full_like(position, np.nan)
     _sides(np.ascontiguousarray(shape.reshape(*shape.shape[:2], 4)), right, down, side)
-    known = np.isfinite(side).all(axis=-1)
+    known: BoolArray = np.isfinite(side[..., 0] + side[..., 1])
     if not known.any():
         return known
     usual = np.median(side[known], axis=0)
@@ -200,15 +200,13 @@ def _compare_sides(
             if not alike[r, c]:
                 continue
             for k in range(2):
-                n = 0
-                for dr, dc in ((0, 1), (0, -1), (1, 0), (-1, 0)):
+                for n, (dr, dc) in enumerate(((0, 1), (0, -1), (1, 0), (-1, 0))):
                     i, j = r + dr, c + dc
                     others[n] = usual[k]
                     if 0 <= i < rows and 0 <= j < columns:
                         linked = linked_right[r, min(c, j)] if dr == 0 else linked_down[min(r, i), c]
                         if linked and np.isfinite(side[i, j, k]):
                             others[n] = side[i, j, k]
-                    n += 1
                 like = (others.sum() - others.min() - others.max()) / 2  # their median
                 pitch = np.hypot(right[r, c, 0], right[r, c, 1]) if k == 0 else np.hypot(down[r, c, 0], down[r, c, 1])
                 change = SIDE_CHANGE + PIXELS_CHANGE / max(12**0.5 * like * pitch, 1.0)
@@ -256,7 +254,7 @@ def agreement(position: FloatArray, joints: Joints) -> Agreement:
 
 
 def middles(position: FloatArray, joints: Joints) -> FloatArray:
-    """(4, rows, columns, 2) middle of the two linked neighbours of each block, in each of DIRECTIONS; NaN where none."""
+    """(4, rows, columns, 2) middle of the two linked neighbours of each block in each of DIRECTIONS; NaN where none."""
     lines = np.full((len(DIRECTIONS), *position.shape), np.nan)
     _middles(np.ascontiguousarray(position), joints.right, joints.down, lines)
     return lines

@@ -92,9 +92,8 @@ def _moved(
 ) -> None:
     for i in range(len(place)):
         rotation, cell = place[i] % 4, place[i] // 4
-        cosine, sine = (1, 0, -1, 0)[rotation], (0, 1, 0, -1)[rotation]
-        row = cell // columns + down[i] * cosine + right[i] * sine
-        column = cell % columns + right[i] * cosine - down[i] * sine
+        row = cell // columns + down[i] * COSINE[rotation] + right[i] * SINE[rotation]
+        column = cell % columns + right[i] * COSINE[rotation] - down[i] * SINE[rotation]
         inside = place[i] >= 0 and 0 <= row < rows and 0 <= column < columns
         result[i] = (row * columns + column) * 4 + (rotation - turn[i]) % 4 if inside else NONE
 
