@@ -19,5 +19,6 @@ def nearest_of_all(places: FloatArray, points: FloatArray, count: int) -> tuple[
     """The same of the `count` nearest ones, (M, count), the nearest first."""
     from scipy.spatial import KDTree
 
-    distance, index = cast(Any, KDTree(places)).query(points, k=np.arange(1, count + 1))
+    tree = KDTree(places, balanced_tree=False, compact_nodes=False)  # half the time to build, for evenly spread points
+    distance, index = cast(Any, tree).query(points, k=np.arange(1, count + 1))
     return cast(FloatArray, distance), cast(IntArray, index)

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from retrue.decoding.grid_sampling import PICTURES, bilinear
+from retrue.decoding.grid_sampling import PICTURES, bilinear, in_two_threads
 from retrue.geometry.arrays import FloatArray, Image
 from retrue.geometry.compiling import MATRIX, OUT_MATRIX, compiled, inlined, numba
 
@@ -53,7 +53,7 @@ def look_at(picture: Image, p: FloatArray, u: FloatArray, v: FloatArray, duty: f
     The other colour is that of the gap, or of whatever hides the gap: only the block's own colour is known.
     """
     found = np.full((len(p), 9), np.nan)
-    _look_at(picture, p, u, v, duty, found)
+    in_two_threads(lambda n: _look_at(picture, p[n], u[n], v[n], duty, found[n]), len(p))
     return Patches(found[:, :3], found[:, 3:5], found[:, 5:7], found[:, 7], found[:, 8])
 
 
@@ -85,7 +85,7 @@ def _side(change: FloatArray, spacing: float, half: float) -> float:
     return side if abs(side - half) < SIDE_RANGE else np.nan
 
 
-@compiled([numba.void(kind, MATRIX, MATRIX, MATRIX, numba.float64, OUT_MATRIX) for kind in PICTURES])
+@compiled([numba.void(kind, MATRIX, MATRIX, MATRIX, numba.float64, OUT_MATRIX) for kind in PICTURES], nogil=True)
 def _look_at(picture: Image, p: FloatArray, u: FloatArray, v: FloatArray, duty: float, found: FloatArray) -> None:
     """`found` (N, 9) <- light, offset, stretch, skew, uneven."""
     mid, half = SAMPLES // 2, duty / 2

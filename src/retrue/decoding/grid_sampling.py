@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from threading import Thread
 from typing import Any
 
 import numpy as np
@@ -13,6 +15,19 @@ from retrue.geometry.compiling import MATRIX, OUT_MATRIX, VECTOR, compiled, inli
 PICTURES: tuple[Any, ...] = tuple(
     numba.types.Array(depth, 3, "C", readonly=True) for depth in (numba.uint8, numba.uint16)
 )
+
+WORTH_A_THREAD = 100  # blocks: starting a thread takes as long as measuring some ten
+
+
+def in_two_threads(work: Callable[[slice], None], count: int) -> None:
+    """`work`, which lets go of the interpreter, on each half of 0 .. count at a time."""
+    if count < WORTH_A_THREAD:
+        work(slice(0, count))
+        return
+    other = Thread(target=work, args=(slice(count // 2, count),))
+    other.start()
+    work(slice(0, count // 2))
+    other.join()
 
 
 @inlined
@@ -33,7 +48,9 @@ def bilinear(picture: Image, x: float, y: float) -> tuple[float, float, float]:
     )
 
 
-@compiled([numba.void(kind, MATRIX, MATRIX, MATRIX, MATRIX, VECTOR, VECTOR, OUT_MATRIX) for kind in PICTURES])
+@compiled(
+    [numba.void(kind, MATRIX, MATRIX, MATRIX, MATRIX, VECTOR, VECTOR, OUT_MATRIX) for kind in PICTURES], nogil=True
+)
 def _profiles(
     picture: Image,
     weights: FloatArray,
@@ -60,7 +77,7 @@ def profiles(
 ) -> FloatArray:
     """(N, T) `weights` (N, 3) times the colour at p + t u + s v, mean over s: profiles along u. p, u, v (N, 2)."""
     out = np.empty((len(p), len(t)))
-    _profiles(picture, weights, p, u, v, t, s, out)
+    in_two_threads(lambda n: _profiles(picture, weights[n], p[n], u[n], v[n], t, s, out[n]), len(p))
     return out
 
 
