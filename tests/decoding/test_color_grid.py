@@ -103,7 +103,7 @@ def test_objects_in_front_give_no_wrong_point():
 
 
 def test_a_small_face_decodes_from_what_is_left_of_the_code():
-    face = Box(RigidTransform.from_rotation_vector([0.0, 0.1, 0.0], [40, 10, 1150]), (75, 62, 10))
+    face = Box(RigidTransform.from_rotation_vector([0.0, 0.1, 0.0], [40, 10, 1150]), (64, 50, 10))
     truth = picture(Scene([wall(), face]))
     points = decode_color_grid(GRID, truth.image)
     projector_error, _ = errors(points, truth)
