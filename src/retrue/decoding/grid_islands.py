@@ -16,6 +16,7 @@ from retrue.geometry.arrays import BoolArray, FloatArray, IntArray
 
 FEWEST = 6  # blobs of an island
 FAR = 0.15  # nats, for each cell that an island lies from where the nearest surface would continue
+FARTHEST = 40.0  # cells, beyond which no island is looked for
 LEAST_FREE = 0.7  # of the cells that an island takes
 STRAIGHT = 0.15  # of a step: its change to the one before or after it
 ALONG = 0.5  # least cosine between the axes of an island and those of the nearest surface
@@ -103,10 +104,11 @@ def _ways_to_lie(free: BoolArray, offset: IntArray, continued: FloatArray) -> tu
     first = offset.min(axis=0)
     room = np.maximum(np.array(free.shape) - (offset.max(axis=0) - first), 0)
     shift = np.argwhere(np.ones(room, dtype=bool)) - first
-    cell = shift[:, None] + offset
+    distance = np.sqrt(((shift + offset.mean(axis=0) - continued) ** 2).sum(axis=1))
+    near = distance < FARTHEST
+    cell, distance = shift[near][:, None] + offset, distance[near]
     mostly = free[cell[..., 0], cell[..., 1]].mean(axis=1) > LEAST_FREE
-    away = shift[mostly] + offset.mean(axis=0) - continued
-    return cell[mostly], FAR * np.sqrt((away**2).sum(axis=1))
+    return cell[mostly], FAR * distance[mostly]
 
 
 def _islands(neighbour: IntArray, turn: IntArray) -> list[_Island]:

@@ -38,15 +38,18 @@ def look(pattern: ColorGrid, picture: Image, halvings: int) -> GridSight:
 
     table = _Table(picture, 2**halvings, blocks, colors, code, pattern.block / pattern.pitch)
     surfaces = table.extended(_nothing(code), holder, joints)
-    left = table.blob_cells(surfaces) < 0
-    island = place_islands(code, blocks, links, label, clear, left, table.scaled(surfaces.position), surfaces.joints)
+    cell, distance = table.nearest_cells(surfaces)
+    island = place_islands(
+        code, blocks, links, label, clear, cell < 0, table.scaled(surfaces.position), surfaces.joints
+    )
     if (island >= 0).any():
         row, column, _ = code.split(island[island >= 0])
         holder = np.full_like(holder, NONE)
         holder[row, column] = np.flatnonzero(island >= 0)
         surfaces = table.extended(surfaces, *on_surfaces(blocks, links, island, holder))
+        cell, distance = table.nearest_cells(surfaces)
 
-    holder = table.blobs_of(surfaces)
+    holder = _nearest_blobs(code, cell, distance)
     verdict[verdict == Verdict.DECODED] = Verdict.OFF_SURFACE
     verdict[holder[holder >= 0]] = Verdict.DECODED
     right = held_by(holder, label, NONE) == code.cells
@@ -107,20 +110,8 @@ class _Table:
         """Pixels of the picture in those of the blobs."""
         return (position + 0.5) / self.scale - 0.5
 
-    def blob_cells(self, surfaces: Surfaces) -> IntArray:
-        """Cell (N,) of the block that each blob is, or covers, or -1."""
-        return self._nearest_cells(surfaces)[0]
-
-    def blobs_of(self, surfaces: Surfaces) -> IntArray:
-        """Blob (rows, columns) that each block is, or -1."""
-        cell, distance = self._nearest_cells(surfaces)
-        order = np.argsort(-distance, kind="stable")
-        order = order[cell[order] >= 0]
-        holder = np.full(surfaces.held.size, NONE)
-        holder[cell[order]] = order
-        return holder.reshape(surfaces.held.shape)
-
-    def _nearest_cells(self, surfaces: Surfaces) -> tuple[IntArray, FloatArray]:
+    def nearest_cells(self, surfaces: Surfaces) -> tuple[IntArray, FloatArray]:
+        """Cell (N,) of the block that each blob is, or covers, or -1; and the distance of its centre."""
         position = self.scaled(surfaces.position)
         u, v, _ = slopes(position, surfaces.joints)
         pitch = np.minimum(np.linalg.norm(u, axis=-1), np.linalg.norm(v, axis=-1)).ravel()
@@ -129,6 +120,15 @@ class _Table:
             return np.full(len(self.blocks), NONE), np.full(len(self.blocks), np.inf)
         distance, index = nearest(position.reshape(-1, 2)[cells], self.blocks.centre)
         return np.where(distance < OWN_PLACE * pitch[cells][index], cells[index], NONE), distance
+
+
+def _nearest_blobs(code: Code, cell: IntArray, distance: FloatArray) -> IntArray:
+    """Blob (rows, columns) nearest to each block, of those (N,) that are in its `cell`, or -1."""
+    order = np.argsort(-distance, kind="stable")
+    order = order[cell[order] >= 0]
+    holder = np.full(code.cells.size, NONE)
+    holder[cell[order]] = order
+    return holder.reshape(code.cells.shape)
 
 
 def _halved(picture: Image, halvings: int) -> Image:
