@@ -54,11 +54,13 @@ def cut_blocks(picture: Image, position: FloatArray, joints: Joints, duty: float
     return cut
 
 
-def grow(picture: Image, surfaces: Surfaces, fresh: BoolArray, colors: Colors, code: IntArray, duty: float) -> Surfaces:
+def grow(
+    picture: Image, gain: float, surfaces: Surfaces, fresh: BoolArray, colors: Colors, code: IntArray, duty: float
+) -> Surfaces:
     """`surfaces`, and the blocks beside them where the picture shows a whole one of the right colour.
 
     Each `fresh` block (rows, columns) predicts its four neighbours by its own steps; what is found there predicts the
-    next ones.
+    next ones. `gain` times what the picture shows is `light`.
     """
     position, light = surfaces.position.copy(), surfaces.light.copy()
     doubt, misfit = surfaces.doubt.copy(), surfaces.misfit.copy()
@@ -77,8 +79,8 @@ def grow(picture: Image, surfaces: Surfaces, fresh: BoolArray, colors: Colors, c
         u, v = u[r, c], v[r, c]
         p = position[r, c] + step[:, :1] * v + step[:, 1:] * u
         found = look_at(picture, p, u, v, duty)
-        unlike = found.misfit()
-        label = _labels(colors, found.light, light, source)
+        unlike, seen = found.misfit(), gain * found.light
+        label = _labels(colors, seen, light, source)
         good = np.flatnonzero((unlike < MISFIT) & (label == code[target[:, 0], target[:, 1]]))
         p = p + found.offset[:, :1] * u + found.offset[:, 1:] * v
         pitch = np.minimum(np.linalg.norm(u, axis=1), np.linalg.norm(v, axis=1))
@@ -86,7 +88,7 @@ def grow(picture: Image, surfaces: Surfaces, fresh: BoolArray, colors: Colors, c
         if not len(good):
             break
         r, c = target[good].T
-        position[r, c], light[r, c], misfit[r, c] = p[good], found.light[good], unlike[good]
+        position[r, c], light[r, c], misfit[r, c] = p[good], seen[good], unlike[good]
         doubt[r, c] = DOUBT * pitch[good] * np.sqrt(unlike[good])
         fresh = np.zeros_like(held)
         fresh[r, c] = held[r, c] = True

@@ -29,14 +29,16 @@ OWN_PLACE = 0.5  # pitches about a centre in which a blob is that block
 
 def look(pattern: ColorGrid, picture: Image, halvings: int) -> GridSight:
     """What `picture` (h, w, 3), halved so many times, shows of `pattern`; centres are measured in full size."""
-    blocks = find_blocks(_eight_bits(_halved(picture, halvings)))
+    small = _halved(picture, halvings)
+    gain = _gain(small)
+    blocks = find_blocks(_eight_bits(small, gain))
     links = link_blocks(blocks)
     colors, label, margin = separate_colors(blocks.color, links.around, pattern.colors)
     code, clear = code_of(pattern), margin > CLEAR_MARGIN
     place = place_blocks(code, links, label)
     verdict, holder, joints = hold_places(code, blocks, links, label, clear, place)
 
-    table = _Table(picture, 2**halvings, blocks, colors, code, pattern.block / pattern.pitch)
+    table = _Table(picture, 2**halvings, gain, blocks, colors, code, pattern.block / pattern.pitch)
     surfaces = table.extended(_nothing(code), holder, joints)
     cell, distance = table.nearest_cells(surfaces)
     island = place_islands(
@@ -83,6 +85,7 @@ class _Table:
 
     picture: Image
     scale: int
+    gain: float
     blocks: Blocks
     colors: Colors
     code: Code
@@ -104,7 +107,7 @@ class _Table:
             surfaces.misfit,
             Joints(surfaces.joints.right | joints.right, surfaces.joints.down | joints.down),
         )
-        return grow(self.picture, together, there, self.colors, self.code.cells, self.duty)
+        return grow(self.picture, self.gain, together, there, self.colors, self.code.cells, self.duty)
 
     def scaled(self, position: FloatArray) -> FloatArray:
         """Pixels of the picture in those of the blobs."""
@@ -139,8 +142,14 @@ def _halved(picture: Image, halvings: int) -> Image:
     return np.asarray(cv2.resize(picture[: h * scale, : w * scale], (w, h), interpolation=cv2.INTER_AREA))
 
 
-def _eight_bits(picture: Image) -> NDArray[np.uint8]:
+def _gain(picture: Image) -> float:
+    """What grey levels of `picture` are multiplied with to be those of eight bits."""
+    if picture.dtype == np.uint8:
+        return 1.0
+    return 255.0 / max(float(np.percentile(picture[::4, ::4], 99.9)), 1.0)
+
+
+def _eight_bits(picture: Image, gain: float) -> NDArray[np.uint8]:
     if picture.dtype == np.uint8:
         return picture
-    brightest = max(float(np.percentile(picture[::4, ::4], 99.9)), 1.0)
-    return np.asarray(cv2.convertScaleAbs(picture, alpha=255.0 / brightest), dtype=np.uint8)
+    return np.asarray(cv2.convertScaleAbs(picture, alpha=gain), dtype=np.uint8)
