@@ -129,9 +129,11 @@ def _solve(
 def start(views: list[View], sizes: Sizes, known: Known) -> Setup:
     """Closed form for the camera, refined by itself, then closed form for the second device."""
     setup = first_camera(views, sizes[0], known[0])
-    pinhole = np.zeros(9, dtype=bool)
-    pinhole[:5] = known[0] is None
-    return with_second(adjust(setup, (corner_group(views, 0),), pinhole).setup, views, sizes[1], known[1])
+    for columns in ([0, 1, 4], [0, 1, 2, 3, 4]):  # the principal point last: without k1, a lens drives it away
+        active = np.zeros(9, dtype=bool)
+        active[columns] = known[0] is None
+        setup = adjust(setup, (corner_group(views, 0),), active).setup
+    return with_second(setup, views, sizes[1], known[1])
 
 
 def _without_a_bad_view(

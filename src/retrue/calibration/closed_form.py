@@ -21,6 +21,8 @@ from retrue.geometry.transform import RigidTransform, nearest_rotation
 cv2 = cast(Any, opencv)  # its stubs leave out half of what is used here
 
 Size = tuple[int, int]
+FARTHEST_AXIS = 1.0
+"""Of the picture's size: few poses suggest principal points anywhere, and a fit does not come back from there."""
 IDENTITY = RigidTransform(np.eye(3), np.zeros(3))
 
 
@@ -71,7 +73,9 @@ def _cameras(homographies: list[FloatArray], size: Size) -> list[Camera]:
     """Pinhole cameras that these planes suggest: Zhang's, and with the principal point at the middle."""
     cameras: list[Camera] = []
     for K in (*_zhang(homographies, size), *_focal_only(homographies, size)):
-        if 0.05 * max(size) < min(K[0, 0], K[1, 1]) and max(K[0, 0], K[1, 1]) < 100 * max(size):
+        middle = 0.5 * (np.array(size) - 1)
+        sound = 0.05 * max(size) < min(K[0, 0], K[1, 1]) and max(K[0, 0], K[1, 1]) < 100 * max(size)
+        if sound and (np.abs(K[:2, 2] - middle) < FARTHEST_AXIS * np.array(size)).all():
             cameras.append(Camera(size, K))
     return cameras
 
