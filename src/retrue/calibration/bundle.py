@@ -1,7 +1,7 @@
 """One bundle adjustment over intrinsics, relative pose and board poses.
 
-Levenberg-Marquardt with a robust loss. Each view has six unknowns of its own, which are eliminated (Schur
-complement), so that a step solves one system of at most twenty-four unknowns, however many views there are.
+Levenberg-Marquardt with a robust loss. Each view has eight unknowns of its own, which are eliminated (Schur
+complement), so that a step solves one system of at most twenty-seven unknowns, however many views there are.
 """
 
 from __future__ import annotations
@@ -10,7 +10,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from retrue.calibration.jacobians import Setup, linearise, residuals
+from retrue.calibration.jacobians import OF_VIEW, Setup, linearise, residuals
 from retrue.calibration.observations import CornerObservations, Group
 from retrue.errors import DegenerateError
 from retrue.geometry.arrays import BoolArray, FloatArray
@@ -19,6 +19,8 @@ from retrue.geometry.transform import RigidTransform, rotation_from_vector
 
 HUBER = 3.0
 """Residuals beyond that many sigmas count linearly, not squared: Gaussian ones are hardly touched."""
+DRIFT_PX = 0.02
+"""Standard deviation of a projector's picture from capture to capture: heat, vibration, the decoder's own bias."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -28,12 +30,12 @@ class Adjusted:
     Attributes
     ----------
     setup : the estimate.
-    active : (globals,) which of the columns before the board's six were free.
+    active : (globals,) which of the columns before those of the view were free.
     scales : of each group (2,), the noise of both coordinates in units of the observations' own sigma.
     errors : of each group, predicted minus measured pixels (N, 2), as `linearise` gives them.
     weights : of each group (N, 2), robust weights; 1 for what fits.
     covariance : (free, free) of the free global parameters.
-    normal : (globals, globals) normal matrix of all global parameters, board poses eliminated.
+    normal : (globals, globals) normal matrix of all global parameters, the views' own eliminated.
     gradient : (globals,) of half the cost, by all global parameters; zero for the free ones.
     """
 
@@ -89,12 +91,12 @@ def adjust(
 
 
 class _Systems:
-    """The normal equations at one point: of each group and view, (globals + 6) square."""
+    """The normal equations at one point: of each group and view, (globals + OF_VIEW) square."""
 
     def __init__(
         self, setup: Setup, groups: tuple[Group, ...], active: BoolArray, scales: tuple[FloatArray, ...], robust: bool
     ) -> None:
-        views, columns = len(setup.first_from_board), setup.globals + 6
+        views, columns = len(setup.first_from_board), setup.globals + OF_VIEW
         self.active, self.scales = active, scales
         self.groups = groups
         self.errors: list[FloatArray] = []
@@ -115,33 +117,33 @@ class _Systems:
                     own = jacobian[rows, axis]
                     self.matrices[index, axis, view] = own.T @ own
                     self.vectors[view] += own.T @ error[rows, axis]
-
-    @property
-    def total(self) -> FloatArray:
-        """(views, columns, columns) of all groups together."""
-        return np.asarray(self.matrices.sum(axis=(0, 1)), dtype=np.float64)
+        self.total = np.asarray(self.matrices.sum(axis=(0, 1)), dtype=np.float64)
+        """(views, columns, columns) of all groups together, and of what is known of the shifts beforehand."""
+        precision = _precision(robust)
+        self.total[:, [-2, -1], [-2, -1]] += precision
+        self.vectors[:, -2:] += precision * setup.shifts
 
     def reduced(self, active: BoolArray, damping: float = 0.0) -> tuple[FloatArray, FloatArray]:
         """Normal matrix and gradient of the global columns, the boards eliminated."""
         columns = np.flatnonzero(active)
-        total = self.total
-        boards = _damped(total[:, -6:, -6:], damping)
-        across = total[:, :-6, -6:][:, columns]
+        boards = _damped(self.total[:, -OF_VIEW:, -OF_VIEW:], damping)
+        across = self.total[:, :-OF_VIEW, -OF_VIEW:][:, columns]
         inverse = _inverse(boards) @ across.transpose(0, 2, 1)
-        direct = _damped(total[:, :-6, :-6].sum(axis=0)[np.ix_(columns, columns)], damping)
+        direct = _damped(self.total[:, :-OF_VIEW, :-OF_VIEW].sum(axis=0)[np.ix_(columns, columns)], damping)
         matrix = direct - np.einsum("vij,vjk->ik", across, inverse)
-        vector = self.vectors[:, :-6].sum(axis=0)[columns] - np.einsum("vji,vj->i", inverse, self.vectors[:, -6:])
+        vector = self.vectors[:, :-OF_VIEW].sum(axis=0)[columns] - np.einsum(
+            "vji,vj->i", inverse, self.vectors[:, -OF_VIEW:]
+        )
         return matrix, vector
 
     def step(self, damping: float) -> tuple[FloatArray, FloatArray]:
-        """The change of all global columns, and of each board (views, 6)."""
+        """The change of all global columns, and of each view's own (views, OF_VIEW)."""
         change = np.zeros(len(self.active))
         if self.active.any():
             matrix, vector = self.reduced(self.active, damping)
             change[self.active] = -_solve(matrix, vector)
-        total = self.total
-        boards = _damped(total[:, -6:, -6:], damping)
-        right = self.vectors[:, -6:] + np.einsum("vgb,g->vb", total[:, :-6, -6:], change)
+        boards = _damped(self.total[:, -OF_VIEW:, -OF_VIEW:], damping)
+        right = self.vectors[:, -OF_VIEW:] + np.einsum("vgb,g->vb", self.total[:, :-OF_VIEW, -OF_VIEW:], change)
         return change, -(_inverse(boards) @ right[:, :, None])[:, :, 0]
 
     def covariance(self) -> FloatArray:
@@ -154,9 +156,8 @@ class _Systems:
     def rescaled(self) -> tuple[FloatArray, ...]:
         """The noise of each group from its residuals, freed of what the unknowns absorbed (its leverage)."""
         columns = np.flatnonzero(self.active)
-        total = self.total
-        board_inverse = _inverse(total[:, -6:, -6:])
-        across = total[:, :-6, -6:][:, columns]
+        board_inverse = _inverse(self.total[:, -OF_VIEW:, -OF_VIEW:])
+        across = self.total[:, :-OF_VIEW, -OF_VIEW:][:, columns]
         of_globals = self.covariance()
         to_board = -np.einsum("gh,vhb,vbc->vgc", of_globals, across, board_inverse)
         of_board = board_inverse - np.einsum("vab,vgb,vgc->vac", board_inverse, across, to_board)
@@ -168,9 +169,11 @@ class _Systems:
             freedom = np.sum(weight * (error != 0), axis=0)
             for axis in (0, 1):
                 own = matrices[axis]
-                freedom[axis] -= np.einsum("gh,vhg->", of_globals, own[:, :-6, :-6][:, columns][:, :, columns])
-                freedom[axis] -= 2 * np.einsum("vgb,vgb->", to_board, own[:, :-6, -6:][:, columns])
-                freedom[axis] -= np.einsum("vbc,vcb->", of_board, own[:, -6:, -6:])
+                freedom[axis] -= np.einsum(
+                    "gh,vhg->", of_globals, own[:, :-OF_VIEW, :-OF_VIEW][:, columns][:, :, columns]
+                )
+                freedom[axis] -= 2 * np.einsum("vgb,vgb->", to_board, own[:, :-OF_VIEW, -OF_VIEW:][:, columns])
+                freedom[axis] -= np.einsum("vbc,vcb->", of_board, own[:, -OF_VIEW:, -OF_VIEW:])
             if isinstance(group, CornerObservations):
                 squares, freedom = np.full(2, squares.sum()), np.full(2, freedom.sum())
             scales.append(np.where(freedom > 1, np.sqrt(squares / np.maximum(freedom, 1)), scale).clip(1e-9))
@@ -217,15 +220,15 @@ def moved(setup: Setup, change: FloatArray, boards: FloatArray) -> Setup | None:
     if len(devices) == 2:
         second = _turned(second, change[18:24])
     first_from_board = tuple(_turned(pose, own) for pose, own in zip(setup.first_from_board, boards, strict=True))
-    return Setup(tuple(devices), second, first_from_board)
+    return Setup(tuple(devices), second, first_from_board, setup.bend + change[-3:], setup.shifts + boards[:, 6:])
 
 
 def _turned(pose: RigidTransform, change: FloatArray) -> RigidTransform:
-    return RigidTransform(rotation_from_vector(change[:3]) @ pose.R, pose.t + change[3:])
+    return RigidTransform(rotation_from_vector(change[:3]) @ pose.R, pose.t + change[3:6])
 
 
 def _cost(setup: Setup, groups: tuple[Group, ...], scales: tuple[FloatArray, ...], robust: bool) -> float:
-    total = 0.0
+    total = float(_precision(robust) * np.sum(setup.shifts**2))
     for group, scale in zip(groups, scales, strict=True):
         size = _size(residuals(setup, group), group, scale)
         if not np.isfinite(size).all():
@@ -233,6 +236,11 @@ def _cost(setup: Setup, groups: tuple[Group, ...], scales: tuple[FloatArray, ...
         loss = np.where(size > HUBER, HUBER * (2 * size - HUBER), size**2) if robust else size**2
         total += float(loss.sum())
     return total
+
+
+def _precision(robust: bool) -> float:
+    """Of the shifts; OpenCV knows none."""
+    return DRIFT_PX**-2 if robust else 1e12
 
 
 def _weights(error: FloatArray, group: Group, scale: FloatArray, robust: bool) -> FloatArray:

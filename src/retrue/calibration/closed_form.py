@@ -31,7 +31,7 @@ def first_camera(views: list[View], size: Size, known: Camera | None) -> Setup:
     homographies = [board_homography(view, 0) for view in views]
     candidates = [known] if known else _cameras(homographies, size)
     setups = [
-        Setup((camera,), IDENTITY, poses)
+        Setup.started((camera,), IDENTITY, poses)
         for camera in candidates
         if (poses := _poses(camera, homographies)) is not None
     ]
@@ -53,7 +53,7 @@ def with_second(setup: Setup, views: list[View], size: Size, known: Camera | Non
             continue
         for second_from_board, first_from_board in zip(seconds, setup.first_from_board, strict=True):
             second_from_first = second_from_board @ first_from_board.inverse()
-            candidate = Setup((*setup.devices, camera), second_from_first, setup.first_from_board)
+            candidate = Setup.started((*setup.devices, camera), second_from_first, setup.first_from_board)
             setups.append((candidate, residuals(candidate, group)))
     return _best(setups, "projector")
 

@@ -1,7 +1,10 @@
 """Residuals of a calibration and their derivatives, in closed form.
 
-Columns: nine intrinsics a device (`INTRINSICS`), then six of the pose of the second device, then six of the
-board's pose in the view. A pose changes by R <- exp([w]x) R, t <- t + v; its six are (w, v).
+Columns: nine intrinsics a device (`INTRINSICS`), then six of the pose of the second device, then three of the
+board's bend; then, of the view, six of the board's pose and two of the shift of the second device's picture. A pose
+changes by R <- exp([w]x) R, t <- t + v; its six are (w, v). The board is a shallow paraboloid
+z = bend . (x^2, x y, y^2): printed boards bow by some tenths of a millimetre, which a tilted view shows as tenths of
+a pixel. Between captures a projector drifts by hundredths of a pixel, all of its picture alike.
 """
 
 from __future__ import annotations
@@ -16,6 +19,9 @@ from retrue.geometry.camera import Camera
 from retrue.geometry.transform import RigidTransform
 
 INTRINSICS = ("fx", "fy", "cx", "cy", "k1", "k2", "p1", "p2", "k3")
+BEND = ("xx", "xy", "yy")
+OF_VIEW = 8
+"""Columns of a view of its own."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -27,20 +33,34 @@ class Setup:
     devices : the camera, and the projector or second camera if there is one.
     second_from_first : pose of the second device.
     first_from_board : of each view.
+    bend : (3,) of the board, the same in all views; one over its unit of length.
+    shifts : (views, 2) of the second device's picture in each view, in pixels.
     """
 
     devices: tuple[Camera, ...]
     second_from_first: RigidTransform
     first_from_board: tuple[RigidTransform, ...]
+    bend: FloatArray
+    shifts: FloatArray
+
+    @classmethod
+    def started(
+        cls,
+        devices: tuple[Camera, ...],
+        second_from_first: RigidTransform,
+        first_from_board: tuple[RigidTransform, ...],
+    ) -> Setup:
+        """With a flat board, and a projector that stood still."""
+        return cls(devices, second_from_first, first_from_board, np.zeros(3), np.zeros((len(first_from_board), 2)))
 
     @property
     def globals(self) -> int:
-        """Number of columns before the board's six."""
-        return 9 if len(self.devices) == 1 else 24
+        """Number of columns before those of the view."""
+        return 12 if len(self.devices) == 1 else 27
 
 
 def linearise(setup: Setup, group: Group) -> tuple[FloatArray, FloatArray]:
-    """Predicted minus measured pixels (N, 2), and their derivatives (N, 2, globals + 6).
+    """Predicted minus measured pixels (N, 2), and their derivatives (N, 2, globals + OF_VIEW).
 
     Of dense points, the two numbers are along and across the epipolar line: a board that is not quite flat shows
     along it only; and a scene of unknown shape tells nothing along it, there they are zero.
@@ -54,25 +74,28 @@ def residuals(setup: Setup, group: Group) -> FloatArray:
     """The first part of `linearise`."""
     R, t = _board_poses(setup, group.view)
     if isinstance(group, CornerObservations):
-        points = np.einsum("nij,nj->ni", R, group.board_points) + t
+        points = np.einsum("nij,nj->ni", R, _bent(setup, group.board_points)[0]) + t
         if group.device == 1:
             points = setup.second_from_first.apply(points)
-        return setup.devices[group.device].project(points) - group.pixels
+        return setup.devices[group.device].project(points) + group.device * setup.shifts[group.view] - group.pixels
     camera, projector = setup.devices
     rays = camera.unproject(group.camera_px)
     known = isinstance(group, PlaneObservations)
-    points = _on_plane(rays, R[:, :, 2], t)[0] if known else triangulated(setup, rays, group.projector_px)
+    points = _on_board(setup, rays, R, t)[0] if known else triangulated(setup, rays, group.projector_px)
     points = setup.second_from_first.apply(points)
     along = _pixel_by_point(projector, points) @ _by_depth(setup, rays)
-    error = _turned_to_epipolar(along, (projector.project(points) - group.projector_px)[:, :, None])[:, :, 0]
+    missed = projector.project(points) + setup.shifts[group.view] - group.projector_px
+    error = _turned_to_epipolar(along, missed[:, :, None])[:, :, 0]
     return error if known else error * [0, 1]
 
 
 def _linearise_corners(setup: Setup, group: CornerObservations) -> tuple[FloatArray, FloatArray]:
     R, t = _board_poses(setup, group.view)
-    turned = np.einsum("nij,nj->ni", R, group.board_points)
-    by_board = np.concatenate([-_skew(turned), np.broadcast_to(np.eye(3), R.shape)], axis=2)
-    return _through_device(setup, group.device, turned + t, by_board, group.pixels)
+    points, by_bend = _bent(setup, group.board_points)
+    turned = np.einsum("nij,nj->ni", R, points)
+    by_bend = R[:, :, 2:] * by_bend[:, None, :]
+    by_board = np.concatenate([by_bend, -_skew(turned), np.broadcast_to(np.eye(3), R.shape)], axis=2)
+    return _through_device(setup, group.device, turned + t, by_board, group.pixels, group.view)
 
 
 def _linearise_plane(setup: Setup, group: PlaneObservations) -> tuple[FloatArray, FloatArray]:
@@ -80,11 +103,11 @@ def _linearise_plane(setup: Setup, group: PlaneObservations) -> tuple[FloatArray
     R, t = _board_poses(setup, group.view)
     normal = R[:, :, 2]
     rays = camera.unproject(group.camera_px)
-    points, depth, slope = _on_plane(rays, normal, t)
+    points, depth, slope, by_bend = _on_board(setup, rays, R, t)
     ray = np.concatenate([rays, np.ones((len(rays), 1))], axis=1)
     by_turn, by_shift = np.cross(normal, t - points) / slope, normal / slope  # of the depth
-    by_board = ray[:, :, None] * np.concatenate([by_turn, by_shift], axis=1)[:, None, :]
-    residual, jacobian = _through_device(setup, 1, points, by_board, group.projector_px)
+    by_board = ray[:, :, None] * np.concatenate([by_bend / slope, by_turn, by_shift], axis=1)[:, None, :]
+    residual, jacobian = _through_device(setup, 1, points, by_board, group.projector_px, group.view)
     # The camera's intrinsics move the ray that passes through the pixel, and so the point on the plane.
     by_ray = depth[:, :, None] * (np.eye(3) - ray[:, :, None] * (normal / slope)[:, None, :])[:, :, :2]
     ray_by_intrinsics = -np.linalg.solve(camera.ray_jacobian(rays), _by_intrinsics(camera, rays))
@@ -99,8 +122,8 @@ def _linearise_scene(setup: Setup, group: SceneObservations) -> tuple[FloatArray
     camera = setup.devices[0]
     rays = camera.unproject(group.camera_px)
     points = triangulated(setup, rays, group.projector_px)
-    still = np.zeros((len(points), 3, 6))
-    residual, jacobian = _through_device(setup, 1, points, still, group.projector_px)
+    still = np.zeros((len(points), 3, 9))
+    residual, jacobian = _through_device(setup, 1, points, still, group.projector_px, group.view)
     by_ray = points[:, 2, None, None] * np.eye(3)[:, :2]
     ray_by_intrinsics = -np.linalg.solve(camera.ray_jacobian(rays), _by_intrinsics(camera, rays))
     by_point = _pixel_by_point(setup.devices[1], setup.second_from_first.apply(points))
@@ -122,11 +145,11 @@ def triangulated(setup: Setup, rays: FloatArray, projector_px: FloatArray) -> Fl
 
 
 def _through_device(
-    setup: Setup, device: int, points: FloatArray, by_board: FloatArray, measured: FloatArray
+    setup: Setup, device: int, points: FloatArray, by_board: FloatArray, measured: FloatArray, view: IntArray
 ) -> tuple[FloatArray, FloatArray]:
-    """Residuals and derivatives of `points` (N, 3) of the first frame, which move with the board by `by_board`."""
+    """Residuals and derivatives of `points` (N, 3) of the first frame; by_board (N, 3, 9): by bend and board's pose."""
     camera = setup.devices[device]
-    jacobian = np.zeros((len(points), 2, setup.globals + 6))
+    jacobian = np.zeros((len(points), 2, setup.globals + OF_VIEW))
     turned = points
     if device == 1:
         turned = points @ setup.second_from_first.R.T
@@ -138,8 +161,9 @@ def _through_device(
     if device == 1:
         jacobian[:, :, 18:21] = -by_point @ _skew(turned)
         jacobian[:, :, 21:24] = by_point
-    jacobian[:, :, -6:] = by_point @ by_board
-    return camera.project(points) - measured, jacobian
+        jacobian[:, 0, -2] = jacobian[:, 1, -1] = 1
+    jacobian[:, :, -11:-2] = by_point @ by_board
+    return camera.project(points) + device * setup.shifts[view] - measured, jacobian
 
 
 def _by_depth(setup: Setup, rays: FloatArray) -> FloatArray:
@@ -187,12 +211,29 @@ def _board_poses(setup: Setup, view: IntArray) -> tuple[FloatArray, FloatArray]:
     return R[view], t[view]
 
 
-def _on_plane(rays: FloatArray, normal: FloatArray, t: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Where rays (N, 2) meet the planes through t (N, 3): points (N, 3), depths (N, 1), normal . ray (N, 1)."""
+def _bent(setup: Setup, board_points: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Points (N, 3) of the board as it is, from where they lie on it; and the derivative of their z by the bend."""
+    x, y = board_points[:, 0], board_points[:, 1]
+    by_bend = np.stack([x * x, x * y, y * y], axis=-1)
+    return np.column_stack([x, y, by_bend @ setup.bend]), by_bend
+
+
+def _on_board(
+    setup: Setup, rays: FloatArray, R: FloatArray, t: FloatArray
+) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
+    """Where rays (N, 2) meet the boards at R (N, 3, 3), t (N, 3).
+
+    Points (N, 3), depths (N, 1), normal . ray (N, 1), and the derivative (N, 3) of the board's z there by its bend.
+    To first order in the bend: the board's z is that where the ray meets its plane.
+    """
     ray = np.concatenate([rays, np.ones((len(rays), 1))], axis=1)
+    normal = R[:, :, 2]
     slope = np.sum(normal * ray, axis=1, keepdims=True)
-    depth = np.sum(normal * t, axis=1, keepdims=True) / slope
-    return ray * depth, depth, slope
+    level = np.sum(normal * t, axis=1, keepdims=True)
+    flat = np.einsum("nji,nj->ni", R, ray * (level / slope) - t)
+    bent, by_bend = _bent(setup, flat)
+    depth = (level + bent[:, 2:]) / slope
+    return ray * depth, depth, slope, by_bend
 
 
 def _skew(v: FloatArray) -> FloatArray:

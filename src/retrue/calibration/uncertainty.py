@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from retrue.calibration.bundle import Adjusted, moved
-from retrue.calibration.jacobians import INTRINSICS, triangulated
+from retrue.calibration.jacobians import INTRINSICS, OF_VIEW, triangulated
 from retrue.geometry.arrays import FloatArray
 
 
@@ -62,7 +62,7 @@ def predicted_error(fit: Adjusted) -> PredictedError:
         return PredictedError(float("nan"), distance)
     camera_px, projector_px = camera_px[both], projector_px[both]
     squares = np.zeros(len(camera_px))
-    still = np.zeros((len(setup.first_from_board), 6))
+    still = np.zeros((len(setup.first_from_board), OF_VIEW))
     values, vectors = np.linalg.eigh(fit.covariance)
     for value, vector in zip(values, vectors.T, strict=True):
         change = np.zeros(len(fit.active))
