@@ -8,8 +8,9 @@ Every row gives OpenCV's figure and ours, from the same corners.
 from __future__ import annotations
 
 import argparse
+import statistics
 import time
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -97,19 +98,14 @@ def epipolar_rms(rig: Rig, view: View) -> float:
 # Real captures
 
 
-def procam_captures(folder: Path) -> list[BoardCapture]:
-    """The board before walls, decoded."""
-    from retrue.decoding.decode import decode
-    from retrue.files.images import read_folder
+def procam_captures(folder: Path, poses: int | None = None) -> list[BoardCapture]:
+    """The board before walls, decoded; where more poses are asked for than there are, some of them again."""
+    from retrue.files.board_captures import read_board_captures
     from retrue.files.patterns import read_pattern
 
-    pattern = read_pattern(folder / "pattern.json")
-    captures: list[BoardCapture] = []
-    for path in sorted(folder.glob("capture_*")):
-        images, names = read_folder(path)
-        points = decode(pattern, images, names=[name.name for name in names])
-        captures.append(BoardCapture(path.name, images[-2], points))
-    return captures
+    paths = sorted(folder.glob("capture_*"))
+    paths = [paths[index % len(paths)] for index in range(poses or len(paths))]
+    return read_board_captures(paths, read_pattern(folder / "pattern.json"), parse_board("chessboard:7x9:75mm"))
 
 
 def real_projector(folder: Path) -> dict[str, Any]:
@@ -342,28 +338,42 @@ def rig_errors(rig: Rig, truth: Rig) -> tuple[float, float, float, float]:
 # Time
 
 
-def timing(folder: Path) -> dict[str, float]:
-    """From files to rig, next to reading the files and OpenCV's three calibrations (which does not decode them)."""
+def timing(folder: Path, poses: int = 5, rounds: int = 5) -> dict[str, float]:
+    """From files to rig, next to reading the files and OpenCV's three calibrations (which decode and find nothing)."""
     board, sizes = parse_board("chessboard:7x9:75mm"), ((1280, 1024), (1024, 768))
-    started = time.perf_counter()
-    captures = procam_captures(folder)
-    decoded = time.perf_counter()
-    result = calibrate(captures, board, sizes[1], CalibrationOptions(largest_error=1))
-    finished = time.perf_counter()
-    views, _ = see_views(captures, board, lambda message: None)
-    again = time.perf_counter()
-    for path in sorted(folder.glob("capture_*")):
-        for name in sorted(path.iterdir()):
-            cv2.imread(str(name), cv2.IMREAD_GRAYSCALE)
-    read = time.perf_counter()
-    opencv_calibrate(views, sizes, 0)
-    theirs = time.perf_counter() - again
-    ours = finished - started
+    folders = sorted(folder.glob("capture_*"))
+    paths = [path for index in range(poses) for path in sorted(folders[index % len(folders)].iterdir())]
+    views, _ = see_views(procam_captures(folder, poses), board, lambda message: None)
+
+    def ours() -> None:
+        result = calibrate(procam_captures(folder, poses), board, sizes[1])
+        assert isinstance(result, Calibrated), result.reason
+
+    def theirs(flag: int) -> None:
+        for path in paths:
+            cv2.imread(str(path), flag)
+        opencv_calibrate(views, sizes, 0)
+
+    jobs: dict[str, Callable[[], None]] = {
+        "ours": ours,
+        "reading": lambda: procam_captures(folder, poses) and None,
+        "OpenCV": lambda: theirs(cv2.IMREAD_COLOR),
+        "OpenCV, grey": lambda: theirs(cv2.IMREAD_GRAYSCALE),
+    }
+    times: dict[str, list[float]] = {name: [] for name in jobs}
+    for _ in range(rounds):  # in turn, so that whatever else the machine does hits all alike
+        for name, job in jobs.items():
+            started = time.perf_counter()
+            job()
+            times[name].append(time.perf_counter() - started)
+    seconds = {name: statistics.median(values) for name, values in times.items()}
     print(
-        f"\ntime for {len(captures)} poses, s: ours {ours:.2f} (read and decode {decoded - started:.2f}), "
-        f"OpenCV {theirs:.2f} (read {read - again:.2f}); {type(result).__name__}"
+        f"\ntime for {poses} poses ({len(folders)} different ones), median of {rounds}, s: ours {seconds['ours']:.2f} "
+        f"(of which read, find and decode {seconds['reading']:.2f})"
     )
-    return {"ours": ours, "opencv": theirs}
+    for name in ("OpenCV", "OpenCV, grey"):
+        print(f"  {name:14s} {seconds[name]:.2f}: ours takes {seconds['ours'] / seconds[name]:.2f} of it")
+    return seconds
 
 
 def main() -> None:

@@ -5,7 +5,7 @@ see the board -> closed form -> one bundle adjustment -> leave out what does not
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Any, cast
 
@@ -105,12 +105,8 @@ def _solve(
     """The fit, without the views and corners that contradict the rest; those views are added to `left_out`."""
     fixed = (known[0] is not None, known[1] is not None)
 
-    def fitted(views: list[View]) -> Adjusted:
-        setup = start(views, sizes, known)
-        return fit_with_lens(setup, observation_groups(views, dense=False), fixed, ("k1",))
-
-    fit = fitted(views)
-    while (better := _without_a_bad_view(fit, views, fitted, options)) is not None:
+    fit = fit_with_lens(start(views, sizes, known), observation_groups(views, dense=False), fixed, ("k1",))
+    while (better := _without_a_bad_view(fit, views, options)) is not None:
         fit, views, bad = better
         left_out.append(bad)
     groups = observation_groups(views, options.dense)
@@ -136,7 +132,7 @@ def start(views: list[View], sizes: Sizes, known: Known) -> Setup:
 
 
 def _without_a_bad_view(
-    fit: Adjusted, views: list[View], fitted: Callable[[list[View]], Adjusted], options: CalibrationOptions
+    fit: Adjusted, views: list[View], options: CalibrationOptions
 ) -> tuple[Adjusted, list[View], LeftOut] | None:
     """The fit without the view that contradicts the others; None where none does.
 
@@ -148,7 +144,7 @@ def _without_a_bad_view(
     for index in map(int, np.argsort(-_suspicion(fit, views))[:2]):
         rest = views[:index] + views[index + 1 :]
         try:
-            without = fitted(rest)
+            without = adjust(fit.setup.without(index), observation_groups(rest, dense=False), fit.active)
         except DegenerateError:
             continue
         pairs = zip(fit.scales, without.scales, strict=True)

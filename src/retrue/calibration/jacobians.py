@@ -9,7 +9,7 @@ a pixel. Between captures a projector drifts by hundredths of a pixel, all of it
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -52,6 +52,11 @@ class Setup:
     ) -> Setup:
         """With a flat board, and a projector that stood still."""
         return cls(devices, second_from_first, first_from_board, np.zeros(3), np.zeros((len(first_from_board), 2)))
+
+    def without(self, view: int) -> Setup:
+        """The same, without that view."""
+        poses = self.first_from_board[:view] + self.first_from_board[view + 1 :]
+        return replace(self, first_from_board=poses, shifts=np.delete(self.shifts, view, axis=0))
 
     @property
     def globals(self) -> int:

@@ -79,34 +79,41 @@ def fit_with_lens(setup: Setup, groups: tuple[Group, ...], fixed: tuple[bool, ..
 def choose_terms(
     fit: Adjusted, groups: tuple[Group, ...], fixed: tuple[bool, ...]
 ) -> tuple[Adjusted, tuple[Choice, ...]]:
-    """From that fit, drop and add terms, one at a time, as long as one is worth it; a choice a device and the board."""
+    """From that fit, drop and add terms as long as one is worth it; a choice a device, and the board's.
+
+    They are dropped one at a time, and added one of every lens and of the board at a time.
+    """
     needed = float(np.log(sum(2 * len(group.view) for group in groups)))
     terms = _terms(fit.setup, groups, fixed)
     gains: tuple[dict[str, float], ...] = tuple({} for _ in (*fixed, "board"))
     settled: set[Term] = set()  # terms that were dropped or that made no lens: they do not come back
     while True:
-        moves: list[tuple[bool, float, Term]] = []
+        moves: list[tuple[float, Term]] = []
         for term in terms:
-            present = term.kept(fit.active)
+            present, columns = term.kept(fit.active), list(term.columns)
             if not _may_change(fit.active, term, terms):
                 continue
-            columns = list(term.columns)
             gain = _loss(fit, columns) if present else _gain(fit, columns)
             gains[term.device][term.names[0]] = gain
             worth = needed * len(columns) - gain if present else gain - needed * len(columns)
             if worth > 0 and term not in settled:
-                moves.append((present, worth, term))
+                moves.append((worth, term))
         if not moves:
             break
         # What is there without need goes first: it may stand in the way of what is needed.
-        present, _, term = max(moves, key=lambda move: move[:2])
-        active = fit.active.copy()
-        active[list(term.columns)] = not present
-        changed = adjust(_pinned(fit.setup, term) if present else fit.setup, groups, active, scales=fit.scales)
-        if present or all(_is_lens(camera) for camera in changed.setup.devices):
-            fit = changed
-        if present or fit is not changed:
+        idle = [move for move in moves if move[1].kept(fit.active)]
+        if idle:
+            term = max(idle, key=_worth)[1]
+            fit = adjust(_pinned(fit.setup, term), groups, _switched(fit.active, [term]), scales=fit.scales)
             settled.add(term)
+            continue
+        best = [max(own, key=_worth)[1] for own in _by_device(moves)]
+        changed = adjust(fit.setup, groups, _switched(fit.active, best), scales=fit.scales)
+        broken = [device for device, camera in enumerate(changed.setup.devices) if not _is_lens(camera)]
+        if broken:
+            settled.update(term for term in best if term.device in broken)
+        else:
+            fit = changed
     kept: tuple[list[str], ...] = tuple([] for _ in gains)
     for term in terms:
         kept[term.device].extend(term.names if term.kept(fit.active) else ())
@@ -144,6 +151,23 @@ def _terms(setup: Setup, groups: tuple[Group, ...], fixed: tuple[bool, ...]) -> 
     bend = 4 * UNSEEN_SAG / length
     columns = tuple(range(setup.globals - len(BEND), setup.globals))
     return [*terms, Term(BEND, columns, len(fixed), None, (bend,) * len(BEND))]
+
+
+def _worth(move: tuple[float, Term]) -> float:
+    return move[0]
+
+
+def _by_device(moves: list[tuple[float, Term]]) -> list[list[tuple[float, Term]]]:
+    owners = {term.device for _, term in moves}
+    return [[move for move in moves if move[1].device == owner] for owner in sorted(owners)]
+
+
+def _switched(active: BoolArray, terms: list[Term]) -> BoolArray:
+    """With those terms out that were in, and in that were out."""
+    switched = active.copy()
+    columns = [column for term in terms for column in term.columns]
+    switched[columns] = ~switched[columns]
+    return switched
 
 
 def _may_change(active: BoolArray, term: Term, terms: list[Term]) -> bool:

@@ -52,7 +52,7 @@ def predicted_error(fit: Adjusted) -> PredictedError:
     setup = fit.setup
     camera, projector = setup.devices
     distance = float(np.median([pose.t[2] for pose in setup.first_from_board]))
-    x, y = np.meshgrid(*(np.linspace(0.05, 0.95, 9) * (side - 1) for side in camera.size))
+    x, y = np.meshgrid(*(np.linspace(0.05, 0.95, 7) * (side - 1) for side in camera.size))
     camera_px = np.stack([x.ravel(), y.ravel()], axis=-1)
     rays = camera.unproject(camera_px)
     points = np.concatenate([rays, np.ones((len(rays), 1))], axis=1) * distance

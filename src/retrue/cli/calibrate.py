@@ -57,10 +57,9 @@ class Calibrate(Command):
         from retrue.calibration.board import parse_board
         from retrue.calibration.calibrate import calibrate
         from retrue.calibration.result import Calibrated
-        from retrue.calibration.views import Capture
         from retrue.cli.json_output import plain
         from retrue.errors import InputError
-        from retrue.files.board_captures import read_board_capture
+        from retrue.files.board_captures import read_board_captures
         from retrue.files.patterns import read_pattern
         from retrue.files.rigs import read_device, write_rig
 
@@ -72,10 +71,7 @@ class Calibrate(Command):
         camera = None if self.camera is None else read_device(self.camera, "camera")
         projector = None if self.projector is None else read_device(self.projector, "projector")
         start = time.perf_counter()
-        captures: list[Capture] = []
-        for number, path in enumerate(self.captures, 1):
-            progress(f"reading {path.name}, {number} of {len(self.captures)}")
-            captures.append(read_board_capture(path, pattern))
+        captures = read_board_captures(self.captures, pattern, board, progress)
         result = calibrate(
             captures,
             board,
