@@ -72,14 +72,14 @@ def _read_gray_code(path: Path, pattern: GrayCode, board: Board) -> BoardCapture
 
 
 def _read_color_grid(path: Path, pattern: ColorGrid, board: Board) -> BoardCapture:
-    from retrue.decoding.decode import decode
+    from retrue.decoding.color_grid import decode_color_grid
 
-    images, paths = read_folder(path, color=(0, 1))
+    images, _ = read_folder(path, color=(0, 1))
     if len(images) != 2:
         raise CaptureError(path, f"expected two pictures, lit white and by the colour grid, found {len(images)}")
-    white = int(np.argmax([float(image.mean()) for image in images]))  # the grid is mostly black
-    points = decode(pattern, images[1 - white], names=[paths[1 - white].name])
-    return BoardCapture(str(path), images[white], points, _corners(images[white], board))
+    white, grid = sorted(images, key=lambda image: -float(image.mean()))  # the grid is mostly black
+    points = decode_color_grid(pattern, grid, white=white)  # which takes the print out, as far as it reflects at all
+    return BoardCapture(str(path), white, points, _corners(white, board))
 
 
 def _corners(white: Image, board: Board) -> BoardCorners | None:
