@@ -59,7 +59,7 @@ class Calibrate(Command):
         from retrue.calibration.result import Calibrated
         from retrue.cli.json_output import plain
         from retrue.errors import InputError
-        from retrue.files.board_captures import read_board_captures
+        from retrue.files.board_captures import capture_size, read_board_captures
         from retrue.files.patterns import read_pattern
         from retrue.files.rigs import read_device, write_rig
 
@@ -68,8 +68,11 @@ class Calibrate(Command):
             raise InputError("expected at least one CAPTURE folder, found none")
         board = parse_board(self.board)
         pattern = read_pattern(self.pattern)
-        camera = None if self.camera is None else read_device(self.camera, "camera")
-        projector = None if self.projector is None else read_device(self.projector, "projector")
+        camera = projector = None
+        if self.camera is not None:
+            camera = read_device(self.camera, "camera", size=capture_size(self.captures[0]))
+        if self.projector is not None:
+            projector = read_device(self.projector, "projector", size=pattern.projector_size)
         start = time.perf_counter()
         captures = read_board_captures(self.captures, pattern, board, progress)
         result = calibrate(

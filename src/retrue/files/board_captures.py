@@ -13,7 +13,8 @@ from retrue.calibration.detection import BoardCorners, BoardNotFound, find_board
 from retrue.calibration.views import BoardCapture, Progress
 from retrue.correspondences import Correspondences
 from retrue.errors import CaptureError
-from retrue.files.images import read_folder
+from retrue.files.image_header import read_image_header
+from retrue.files.images import picture_paths, read_folder
 from retrue.geometry.arrays import Image
 from retrue.patterns.color_grid import ColorGrid
 from retrue.patterns.gray_code import GrayCode
@@ -53,6 +54,11 @@ def read_board_capture(path: str | Path, pattern: Pattern, board: Board) -> Boar
         return _read_color_grid(path, pattern, board)
     except CaptureError as error:
         raise CaptureError(path, error.problem) from error
+
+
+def capture_size(path: str | Path) -> tuple[int, int]:
+    """Width and height of a capture's pictures, from the header of the first. Raises as `read_board_capture` does."""
+    return read_image_header(picture_paths(Path(path))[0]).size
 
 
 def _read_gray_code(path: Path, pattern: GrayCode, board: Board) -> BoardCapture:
