@@ -34,7 +34,7 @@ CAMERA = Camera((64, 48), [[70, 0, 32], [0, 71, 24], [0, 0, 1]], [-0.1, 0.01, 0,
 SIMPLE = Camera((64, 48), [[70, 0, 32], [0, 71, 24], [0, 0, 1]])
 RIG = Rig(CAMERA, CAMERA, RigidTransform.from_rotation_vector([0, 0.1, 0], [-1.0, 0, 0]), "mm", {"rms_px": 0.1})
 SIZE = (64, 48)
-GRID = ColorGrid((100, 80), ((255, 0, 0), (0, 255, 0)), 19.0, 12.5, (10.5, 12.0), ((0, 1), (1, 0)))
+GRID = ColorGrid((100, 80), ((255, 0, 0), (0, 255, 0)), 19.0, 12.5, (10.5, 12.0), ((0, 1, 0), (1, 1, 0), (1, 0, 0)))
 BOARDS = (b"chessboard:7x9:75mm", b"charuco:8x6:30mm:22mm:DICT_4X4_50", b"asymmetric-circles:4x11:.5in")
 LONGEST_ERROR = 1000  # characters
 

@@ -111,7 +111,7 @@ def _solve(
         left_out.append(bad)
     groups = observation_groups(views, options.dense)
     fit = adjust(fit.setup, groups, fit.active)
-    dropped = np.zeros(len(views), dtype=int)
+    dropped, choices = np.zeros(len(views), dtype=int), tuple[Choice, ...]()
     for _ in range(2):  # terms first: of a flat board, corners of a bent one look wrong
         fit, choices = choose_terms(fit, groups, fixed)
         views, counts = _without_outliers(fit, views, options)

@@ -13,7 +13,7 @@ import numpy as np
 
 from retrue.calibration.bundle import Adjusted, adjust, moved
 from retrue.calibration.jacobians import BEND, INTRINSICS, OF_VIEW, Setup
-from retrue.calibration.observations import Group
+from retrue.calibration.observations import CornerObservations, Group
 from retrue.errors import DegenerateError
 from retrue.geometry.arrays import BoolArray, FloatArray
 from retrue.geometry.camera import Camera
@@ -147,8 +147,8 @@ def _terms(setup: Setup, groups: tuple[Group, ...], fixed: tuple[bool, ...]) -> 
             needs = column[NEEDS[names[0]]] if names[0] in NEEDS else None
             columns, unseen = tuple(column[name] for name in names), tuple(UNSEEN[name] for name in names)
             terms.append(Term(names, columns, device, needs, unseen))
-    length = float(np.ptp(groups[0].board_points, axis=0).max()) if hasattr(groups[0], "board_points") else 1.0
-    bend = 4 * UNSEEN_SAG / length
+    corners = [group.board_points for group in groups if isinstance(group, CornerObservations)]
+    bend = 4 * UNSEEN_SAG / float(np.ptp(np.concatenate(corners), axis=0).max())
     columns = tuple(range(setup.globals - len(BEND), setup.globals))
     return [*terms, Term(BEND, columns, len(fixed), None, (bend,) * len(BEND))]
 

@@ -156,8 +156,10 @@ def _xml_nodes(path: Path, text: str) -> Iterator[Node]:
 
 def _json_nodes(document: Mapping[str, Any]) -> Iterator[Node]:
     for name, value in document.items():
-        matrix = cast(dict[str, Any], value) if isinstance(value, dict) and "data" in value else {"data": value}
-        yield name, {key: _json_words(item) for key, item in matrix.items()}
+        fields: dict[str, Any] = {"data": value}
+        if isinstance(value, dict) and "data" in value:
+            fields = cast(dict[str, Any], value)
+        yield name, {key: _json_words(item) for key, item in fields.items()}
 
 
 def _json_words(value: Any, depth: int = 0) -> tuple[str, ...]:

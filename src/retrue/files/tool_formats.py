@@ -123,7 +123,8 @@ def rig_from_storage(
 ) -> Rig:
     """The rig; what the tool does not store must be handed in, and must not contradict what it does."""
     needed: dict[str, Size | str | None] = {"unit": unit}
-    for role, size in (("projector", projector_size), ("camera", camera_size)):
+    sizes: tuple[tuple[Role, Size | None], ...] = (("projector", projector_size), ("camera", camera_size))
+    for role, size in sizes:
         if _size(storage, tool, role) is None:
             needed = {f"{role}_size": size, **needed}
     if unit is None or None in needed.values():
@@ -186,9 +187,8 @@ def _asking(path: Path, tool: str, needed: Mapping[str, Size | str | None]) -> F
 
 
 def _flag(name: str, value: Size | str | None) -> str:
-    if value is None:
-        value = "mm" if name == "unit" else ("W", "H")
-    return " ".join(["--" + name.replace("_", "-"), *([value] if isinstance(value, str) else map(str, value))])
+    words = value if value is not None else "mm" if name == "unit" else ("W", "H")
+    return " ".join(["--" + name.replace("_", "-"), *([words] if isinstance(words, str) else map(str, words))])
 
 
 def settled_size(path: Path, tool: str, name: str, stored: Size | None, given: Size | None) -> Size:
