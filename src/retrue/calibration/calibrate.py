@@ -90,7 +90,7 @@ def calibrate_views(
     try:
         solution = _solve(views, left_out, sizes, known, options)
     except DegenerateError as error:
-        reason = f"{error}; capture the board tilted by 30 to 60 degrees, each time another way"
+        reason = f"{error}; is --board the whole board? Tilt it by 30 to 60 degrees, each time another way"
         return RefusedCalibration(reason, {"left_out": _named(left_out)})
     return _judge(solution, left_out, board, (known[0] is not None, known[1] is not None), options)
 
@@ -104,7 +104,6 @@ def _solve(
 ) -> _Solution:
     """The fit, without the views and corners that contradict the rest; those views are added to `left_out`."""
     fixed = (known[0] is not None, known[1] is not None)
-
     fit = fit_with_lens(start(views, sizes, known), observation_groups(views, dense=False), fixed, ("k1",))
     while (better := _without_a_bad_view(fit, views, options)) is not None:
         fit, views, bad = better

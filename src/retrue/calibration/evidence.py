@@ -76,7 +76,7 @@ def advise(fit: Adjusted, views: list[View], dropped: Sequence[int], coverage: d
     corners = sum(len(view.board_xy) for view in views)
     if sum(dropped) > 0.02 * corners:
         advice.append(
-            f"use a flatter board: {sum(dropped)} of {corners} corners lie where no flat board of this size has them"
+            f"mount the board flat: {sum(dropped)} of {corners} corners lie where no evenly bent board has them"
         )
     return advice
 
