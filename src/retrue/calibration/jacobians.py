@@ -88,7 +88,7 @@ def residuals(setup: Setup, group: Group) -> FloatArray:
     known = isinstance(group, PlaneObservations)
     points = _on_board(setup, rays, R, t)[0] if known else triangulated(setup, rays, group.projector_px)
     points = setup.second_from_first.apply(points)
-    along = _pixel_by_point(projector, points) @ _by_depth(setup, rays)
+    along = _pixel_by_point(projector, points) @ setup.second_from_first.R @ _homogeneous(rays)[:, :, None]
     missed = projector.project(points) + setup.shifts[group.view] - group.projector_px
     error = _turned_to_epipolar(along, missed[:, :, None])[:, :, 0]
     return error if known else error * [0, 1]
@@ -100,48 +100,56 @@ def _linearise_corners(setup: Setup, group: CornerObservations) -> tuple[FloatAr
     turned = np.einsum("nij,nj->ni", R, points)
     by_bend = R[:, :, 2:] * by_bend[:, None, :]
     by_board = np.concatenate([by_bend, -_skew(turned), np.broadcast_to(np.eye(3), R.shape)], axis=2)
-    return _through_device(setup, group.device, turned + t, by_board, group.pixels, group.view)
+    return _through_device(setup, group.device, turned + t, by_board, group.pixels, group.view)[:2]
 
 
 def _linearise_plane(setup: Setup, group: PlaneObservations) -> tuple[FloatArray, FloatArray]:
-    camera = setup.devices[0]
     R, t = _board_poses(setup, group.view)
     normal = R[:, :, 2]
-    rays = camera.unproject(group.camera_px)
+    rays = setup.devices[0].unproject(group.camera_px)
     points, depth, slope, by_bend = _on_board(setup, rays, R, t)
-    ray = np.concatenate([rays, np.ones((len(rays), 1))], axis=1)
+    ray = _homogeneous(rays)
     by_turn, by_shift = np.cross(normal, t - points) / slope, normal / slope  # of the depth
     by_board = ray[:, :, None] * np.concatenate([by_bend / slope, by_turn, by_shift], axis=1)[:, None, :]
-    residual, jacobian = _through_device(setup, 1, points, by_board, group.projector_px, group.view)
-    # The camera's intrinsics move the ray that passes through the pixel, and so the point on the plane.
     by_ray = depth[:, :, None] * (np.eye(3) - ray[:, :, None] * (normal / slope)[:, None, :])[:, :, :2]
-    ray_by_intrinsics = -np.linalg.solve(camera.ray_jacobian(rays), _by_intrinsics(camera, rays))
-    by_point = _pixel_by_point(setup.devices[1], setup.second_from_first.apply(points))
-    jacobian[:, :, :9] = by_point @ setup.second_from_first.R @ by_ray @ ray_by_intrinsics
-    along = by_point @ _by_depth(setup, rays)
-    turned = _turned_to_epipolar(along, np.concatenate([residual[:, :, None], jacobian], axis=2))
-    return turned[:, :, 0], turned[:, :, 1:]
+    return _through_both(setup, group, rays, points, by_ray, by_board)
 
 
 def _linearise_scene(setup: Setup, group: SceneObservations) -> tuple[FloatArray, FloatArray]:
-    camera = setup.devices[0]
-    rays = camera.unproject(group.camera_px)
+    rays = setup.devices[0].unproject(group.camera_px)
     points = triangulated(setup, rays, group.projector_px)
-    still = np.zeros((len(points), 3, 9))
-    residual, jacobian = _through_device(setup, 1, points, still, group.projector_px, group.view)
     by_ray = points[:, 2, None, None] * np.eye(3)[:, :2]
+    residual, jacobian = _through_both(setup, group, rays, points, by_ray, np.zeros((len(points), 3, 9)))
+    residual[:, 0] = jacobian[:, 0] = 0
+    return residual, jacobian
+
+
+def _through_both(
+    setup: Setup,
+    group: PlaneObservations | SceneObservations,
+    rays: FloatArray,
+    points: FloatArray,
+    by_ray: FloatArray,
+    by_board: FloatArray,
+) -> tuple[FloatArray, FloatArray]:
+    """Residuals and derivatives along and across the epipolar line, of points (N, 3) on the first device's rays (N, 2).
+
+    by_ray (N, 3, 2): the first device's intrinsics move the ray that passes through the pixel, and so the point.
+    """
+    camera = setup.devices[0]
+    residual, jacobian, by_point = _through_device(setup, 1, points, by_board, group.projector_px, group.view)
     ray_by_intrinsics = -np.linalg.solve(camera.ray_jacobian(rays), _by_intrinsics(camera, rays))
-    by_point = _pixel_by_point(setup.devices[1], setup.second_from_first.apply(points))
-    jacobian[:, :, :9] = by_point @ setup.second_from_first.R @ by_ray @ ray_by_intrinsics
-    along = by_point @ _by_depth(setup, rays)
-    turned = _turned_to_epipolar(along, np.concatenate([residual[:, :, None], jacobian], axis=2))
-    turned[:, 0] = 0
-    return turned[:, :, 0], turned[:, :, 1:]
+    jacobian[:, :, :9] = by_point @ by_ray @ ray_by_intrinsics
+    along = by_point @ _homogeneous(rays)[:, :, None]
+    return (
+        _turned_to_epipolar(along, residual[:, :, None])[:, :, 0],
+        _turned_to_epipolar(along, jacobian),
+    )
 
 
 def triangulated(setup: Setup, rays: FloatArray, projector_px: FloatArray) -> FloatArray:
     """Points (N, 3) on the first device's rays, nearest in angle to where the second sees them."""
-    ray = np.concatenate([rays, np.ones((len(rays), 1))], axis=1)
+    ray = _homogeneous(rays)
     seen = setup.devices[1].unproject(projector_px)
     turned, t = ray @ setup.second_from_first.R.T, setup.second_from_first.t
     # (depth * turned + t) x seen = 0: two equations in the depth
@@ -151,30 +159,29 @@ def triangulated(setup: Setup, rays: FloatArray, projector_px: FloatArray) -> Fl
 
 def _through_device(
     setup: Setup, device: int, points: FloatArray, by_board: FloatArray, measured: FloatArray, view: IntArray
-) -> tuple[FloatArray, FloatArray]:
-    """Residuals and derivatives of `points` (N, 3) of the first frame; by_board (N, 3, 9): by bend and board's pose."""
-    camera = setup.devices[device]
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Residuals and derivatives of `points` (N, 3) of the first frame, also by the point itself (N, 2, 3).
+
+    by_board (N, 3, 9): how the points move with the bend and the board's pose.
+    """
+    camera, second = setup.devices[device], setup.second_from_first
     jacobian = np.zeros((len(points), 2, setup.globals + OF_VIEW))
-    turned = points
-    if device == 1:
-        turned = points @ setup.second_from_first.R.T
-        points = turned + setup.second_from_first.t
-        by_board = setup.second_from_first.R @ by_board
-    by_point = _pixel_by_point(camera, points)
-    rays = points[:, :2] / points[:, 2:]
+    turned = points @ second.R.T
+    seen = turned + second.t if device == 1 else points
+    rays = seen[:, :2] / seen[:, 2:]
+    by_point = _pixel_by_point(camera, seen)
     jacobian[:, :, 9 * device : 9 * device + 9] = _by_intrinsics(camera, rays)
     if device == 1:
         jacobian[:, :, 18:21] = -by_point @ _skew(turned)
         jacobian[:, :, 21:24] = by_point
         jacobian[:, 0, -2] = jacobian[:, 1, -1] = 1
+        by_point = by_point @ second.R
     jacobian[:, :, -11:-2] = by_point @ by_board
-    return camera.project(points) + device * setup.shifts[view] - measured, jacobian
+    return camera.project(seen) + device * setup.shifts[view] - measured, jacobian, by_point
 
 
-def _by_depth(setup: Setup, rays: FloatArray) -> FloatArray:
-    """(N, 3, 1) where a point moves, in the second frame, as its depth along the first device's ray grows."""
-    ray = np.concatenate([rays, np.ones((len(rays), 1))], axis=1)
-    return (ray @ setup.second_from_first.R.T)[:, :, None]
+def _homogeneous(rays: FloatArray) -> FloatArray:
+    return np.concatenate([rays, np.ones((len(rays), 1))], axis=1)
 
 
 def _turned_to_epipolar(along: FloatArray, columns: FloatArray) -> FloatArray:
@@ -231,7 +238,7 @@ def _on_board(
     Points (N, 3), depths (N, 1), normal . ray (N, 1), and the derivative (N, 3) of the board's z there by its bend.
     To first order in the bend: the board's z is that where the ray meets its plane.
     """
-    ray = np.concatenate([rays, np.ones((len(rays), 1))], axis=1)
+    ray = _homogeneous(rays)
     normal = R[:, :, 2]
     slope = np.sum(normal * ray, axis=1, keepdims=True)
     level = np.sum(normal * t, axis=1, keepdims=True)
