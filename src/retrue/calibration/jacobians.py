@@ -4,7 +4,7 @@ Columns: nine intrinsics a device (`INTRINSICS`), then six of the pose of the se
 board's bend; then, of the view, six of the board's pose and two of the shift of the second device's picture. A pose
 changes by R <- exp([w]x) R, t <- t + v; its six are (w, v). The board is a shallow paraboloid
 z = bend . (x^2, x y, y^2): printed boards bow by some tenths of a millimetre, which a tilted view shows as tenths of
-a pixel. Between captures a projector drifts by hundredths of a pixel, all of its picture alike.
+a pixel. In each capture the second device's picture may be shifted by hundredths of a pixel, all of it alike.
 """
 
 from __future__ import annotations
