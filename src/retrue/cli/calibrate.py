@@ -40,7 +40,7 @@ class Calibrate(ReportingCommand):
     pattern
         What the projector showed, JSON.
     board
-        What is printed: chessboard:7x9:75mm (inner corners), charuco:5x7:30mm:22mm, circles:..., acircles:...
+        What is printed: chessboard:7x9:75mm (inner corners), charuco:5x7:30mm:22mm, circles:..., asymmetric-circles:...
     out
         The rig file to write. Nothing is written when the answer is refused.
     camera
@@ -65,7 +65,7 @@ class Calibrate(ReportingCommand):
         from retrue.calibration.result import Calibrated
         from retrue.cli.json_output import plain
         from retrue.errors import InputError
-        from retrue.files.board_captures import read_board_capture
+        from retrue.files.board_captures import capture_size, read_board_captures
         from retrue.files.patterns import read_pattern
         from retrue.files.rigs import read_device, write_rig
 
@@ -74,14 +74,13 @@ class Calibrate(ReportingCommand):
             raise InputError("expected at least one CAPTURE folder, found none")
         board = parse_board(self.board)
         pattern = read_pattern(self.pattern)
-        camera = None if self.camera is None else read_device(self.camera, "camera")
-        projector = None if self.projector is None else read_device(self.projector, "projector")
+        camera = projector = None
+        if self.camera is not None:
+            camera = read_device(self.camera, "camera", size=capture_size(self.captures[0]))
+        if self.projector is not None:
+            projector = read_device(self.projector, "projector", size=pattern.projector_size)
         start = time.perf_counter()
-        captures: list[BoardCapture] = []
-        show = terminal.progress("reading captures")
-        for done, path in enumerate(self.captures):
-            show(done, len(self.captures))
-            captures.append(read_board_capture(path, pattern))
+        captures = read_board_captures(self.captures, pattern, board, terminal.status)
         result = calibrate(
             captures,
             board,
