@@ -57,7 +57,7 @@ def test_scattered_points_have_no_normals():
 
 @pytest.mark.parametrize("noise", [1e-4, 1e-3])
 def test_resolution_tells_noise_and_spacing(noise):
-    points, camera_px, cells, thing = scene(2, noise)
+    points, _, cells, thing = scene(2, noise)
     wall = thing == WALL
     found = resolution(points[wall], surface_grid(points[wall], cells[wall]))
     depth = float(np.median(points[wall, 2]))

@@ -79,7 +79,7 @@ def _patch(
         return None
     w = filled[:, 2:3]
     corner = np.array([window[0].start, window[1].start])
-    color: FloatArray = np.round(cloud.colors[rim].mean(axis=0))
+    color = np.round(cloud.colors[rim].astype(np.float64).mean(axis=0))
     return Cloud(
         np.hstack([filled[:, :2], np.ones_like(w)]) / w,
         np.tile(color, (len(w), 1)).astype(np.uint8),

@@ -32,17 +32,21 @@ def with_normals(cloud: Cloud) -> Cloud:
 
 def surface_normals(points: FloatArray, grid: SurfaceGrid) -> FloatArray:
     """Unit normals (N, 3) of points (N, 3), towards the camera; NaN where the linked neighbours are on a line."""
-    normals = np.full(points.shape, np.nan)
+    n = local_planes(points, grid)
+    return -n / np.linalg.norm(n, axis=1, keepdims=True)
+
+
+def local_planes(points: FloatArray, grid: SurfaceGrid) -> FloatArray:
+    """n / d (N, 3) of the plane n . X = d through the neighbours of each point (N, 3); NaN where they are on a line."""
+    planes = np.full(points.shape, np.nan)
     height, width = grid.index.shape
     steps = min(max(FEWEST_STEPS, max(height, width) // CELLS_PER_STEP), MOST_STEPS)
     for top in range(0, height, BAND):
         first, last = max(0, top - steps), min(height, top + BAND + steps)
         n = _plane_through_neighbours(points, grid, slice(first, last), steps)[top - first : top - first + BAND]
         index = grid.index[top : top + BAND]
-        normals[index[index >= 0]] = n[index >= 0]
-    lengths = np.linalg.norm(normals, axis=1, keepdims=True)
-    with np.errstate(invalid="ignore", divide="ignore"):
-        return -normals / lengths
+        planes[index[index >= 0]] = n[index >= 0]
+    return planes
 
 
 def _plane_through_neighbours(points: FloatArray, grid: SurfaceGrid, rows: slice, steps: int) -> FloatArray:

@@ -9,11 +9,11 @@ import numpy as np
 from retrue.geometry.arrays import BoolArray, FloatArray
 from retrue.reconstruction.surface_grid import SurfaceGrid
 
-WINDOWS_PER_SIDE = 40  # a window is this fraction of the longer side of the grid,
+WINDOWS_PER_SIDE = 10  # a window is this fraction of the longer side of the grid,
 SMALLEST_WINDOW = 5  # and at least so many cells, of which
 LEAST_FILLED = 0.6  # so many hold a point,
 MOST_CUT = 0.02  # and so many of whose links are jumps
-MOST_WINDOWS = 400
+MOST_WINDOWS = 200
 QUADRIC = 6  # coefficients
 
 

@@ -40,13 +40,13 @@ class SurfaceGrid:
 
 
 def surface_grid(points: FloatArray, cells: IntArray) -> SurfaceGrid:
-    """The grid of points (N, 3) of the camera frame in cells (N, 2), row and column.
+    """The grid of points (N, 3) of the camera frame in cells (N, 2), row and column, from the first ones in use.
 
     Where two points claim one cell, the later one holds it. Raises `InputError` for a grid beyond memory.
     """
     index = cell_index(cells)
     w = np.where(index >= 0, 1 / points[index, 2], np.nan)
-    step_right, step_down = _slope_residual(w), _slope_residual(w.T).T
+    step_right, step_down = slope_residual(w), slope_residual(w.T).T
     residuals = np.concatenate([step_right.ravel(), step_down.ravel()])
     angles = np.concatenate(
         [_spacing_angle(points, index[:, :-1], index[:, 1:]), _spacing_angle(points, index[:-1], index[1:])]
@@ -82,7 +82,7 @@ def _spacing_angle(points: FloatArray, a: IntArray, b: IntArray) -> FloatArray:
     return np.linalg.norm(far - near, axis=1) / near[:, 2]
 
 
-def _slope_residual(w: FloatArray) -> FloatArray:
+def slope_residual(w: FloatArray) -> FloatArray:
     """How far each step (H, W - 1) along the rows of w (H, W) departs from the slope before or after it.
 
     The nearer of the two counts, so that a crease is no jump. A slope is the median of three steps, so that
