@@ -14,7 +14,7 @@ from retrue.cad.spline import SplineSurface, fit_spline
 from retrue.cad.surfaces import PlaneSurface, SphereSurface, Surface, fit_plane, fit_sphere
 from retrue.cad.thinning import ThinGrid, thin_grid
 from retrue.errors import DegenerateError, InputError
-from retrue.geometry.arrays import BoolArray, FloatArray, IntArray
+from retrue.geometry.arrays import FloatArray, IntArray
 from retrue.reconstruction.cloud import Cloud
 from retrue.reconstruction.resolution import resolution
 from retrue.reconstruction.surface_grid import surface_grid
@@ -143,7 +143,9 @@ def _most_intervals(thin: ThinGrid, rows: IntArray) -> IntArray:
     """(2,) along x and along y: no finer than the points allow, whichever way the grid lies in the picture."""
     size = np.ptp(thin.cells[rows], axis=0)
     rays = thin.points[rows, :2] / thin.points[rows, 2:]
-    turned = abs(np.corrcoef(rays[:, 0], thin.cells[rows, 0])[0, 1]) > abs(np.corrcoef(rays[:, 0], thin.cells[rows, 1])[0, 1])
+    turned = abs(np.corrcoef(rays[:, 0], thin.cells[rows, 0])[0, 1]) > abs(
+        np.corrcoef(rays[:, 0], thin.cells[rows, 1])[0, 1]
+    )
     along = size if turned else size[::-1]
     return np.maximum(1, along // POINTS_PER_KNOT)
 
@@ -157,12 +159,14 @@ def _outlines(surface: Surface, thin: ThinGrid, rows: IntArray) -> tuple[Outline
     """Outlines of the region in the surface's parameters, the outer one counter-clockwise there."""
     uv = np.full((len(thin.points), 2), np.nan)
     uv[rows] = surface.parameters(thin.points[rows, :2] / thin.points[rows, 2:])
-    there: BoolArray = np.isfinite(uv).all(axis=1)
+    there = np.isfinite(uv).all(axis=1)
     outlines: list[Outline] = []
-    for loops in region_outlines(thin.grid, there):
+    for loops in region_outlines(thin.grid, np.asarray(there)):
         polygons = sorted((uv[loop] for loop in loops), key=lambda polygon: -abs(signed_area(polygon)))
         outer, holes = polygons[0], polygons[1:]
-        outlines.append(tuple(_turned(polygon, sign) for polygon, sign in [(outer, 1), *((hole, -1) for hole in holes)]))
+        outlines.append(
+            tuple(_turned(polygon, sign) for polygon, sign in [(outer, 1), *((hole, -1) for hole in holes)])
+        )
     return tuple(outlines)
 
 

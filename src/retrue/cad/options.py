@@ -11,7 +11,7 @@ class CadOptions:
 
     Attributes
     ----------
-    cad_tolerance : How far points may lie from their CAD surface, in the rig's unit; six sigma of their noise if not given.
+    cad_tolerance : How far points may lie from their surface, in the rig's unit; if not given, six sigma of noise.
     """
 
     cad_tolerance: float | None = None

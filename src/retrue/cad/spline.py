@@ -1,9 +1,9 @@
 """B-spline surfaces of inverse depth, which are NURBS exactly.
 
 A surface that the camera sees is a function w(x, y) of the ray (X / Z, Y / Z), w = 1 / Z. Its noise is even in w, so
-w is fitted, linearly, by a tensor product of cubic B-splines: w = sum c_ij B_i(x) B_j(y). The points of the surface are
-(x, y, 1) / w, and x, y and 1 are splines too, with the Greville abscissae xi, eta and 1 as coefficients. So the surface is
-the rational B-spline with weights c_ij and poles (xi_i, eta_j, 1) / c_ij: nothing is lost on the way to CAD.
+w is fitted, linearly, by a tensor product of cubic B-splines: w = sum c_ij B_i(x) B_j(y). The points of the surface
+are (x, y, 1) / w, and x, y and 1 are splines too, with the Greville abscissae xi, eta and 1 as coefficients. So the
+surface is the rational B-spline with weights c_ij and poles (xi_i, eta_j, 1) / c_ij: nothing is lost on the way to CAD.
 """
 
 from __future__ import annotations
@@ -69,7 +69,7 @@ class SplineSurface:
 def fit_spline(points: FloatArray, intervals: tuple[int, int]) -> SplineSurface:
     """Least squares of w of points (N, 3) over their rays, with so many intervals of knots along x and along y."""
     from scipy.interpolate import BSpline
-    from scipy.sparse.linalg import spsolve
+    from scipy.sparse import linalg
 
     rays, w = points[:, :2] / points[:, 2:], 1 / points[:, 2]
     knots = [_clamped(axis, count) for axis, count in zip(rays.T, intervals, strict=True)]
@@ -80,15 +80,15 @@ def fit_spline(points: FloatArray, intervals: tuple[int, int]) -> SplineSurface:
     terms = _products(along_x, along_y)
     mean = float(w.mean())
     normal = terms.T @ terms + STIFFNESS * len(w) * _stiffness(size)
-    solution: FloatArray = cast("Any", spsolve)(normal.tocsc(), terms.T @ (w / mean))
+    solution: FloatArray = cast("Any", linalg).spsolve(normal.tocsc(), terms.T @ (w / mean))
     coefficients = np.clip(solution * mean, w.min() / FARTHEST_OUT, w.max() * FARTHEST_OUT)
     return SplineSurface(knots[0], knots[1], coefficients.reshape(size))
 
 
 def _clamped(values: FloatArray, intervals: int) -> FloatArray:
     """The knot vector of even intervals over the values."""
-    inner = np.linspace(values.min(), values.max(), intervals + 1)
-    return np.concatenate([np.repeat(inner[0], DEGREE), inner, np.repeat(inner[-1], DEGREE)])
+    low, high = float(values.min()), float(values.max())
+    return np.concatenate([np.full(DEGREE, low), np.linspace(low, high, intervals + 1), np.full(DEGREE, high)])
 
 
 def _greville(knots: FloatArray) -> FloatArray:
@@ -105,7 +105,7 @@ def _products(along_x: Any, along_y: Any) -> Any:
     x_value, y_value = (matrix.data.reshape(count, DEGREE + 1) for matrix in (along_x, along_y))
     columns = (x_index[:, :, None] * width + y_index[:, None, :]).ravel()
     values = (x_value[:, :, None] * y_value[:, None, :]).ravel()
-    starts = np.arange(count + 1) * (DEGREE + 1) ** 2
+    starts: list[int] = list(range(0, len(values) + 1, (DEGREE + 1) ** 2))
     return cast("Any", csr_array)((values, columns, starts), shape=(count, along_x.shape[1] * width))
 
 

@@ -8,6 +8,7 @@ from typing import Literal, Protocol
 import numpy as np
 
 from retrue.geometry.arrays import FloatArray
+from retrue.geometry.transform import skew
 
 Kind = Literal["plane", "sphere", "b-spline"]
 
@@ -97,8 +98,8 @@ class SphereSurface:
         pole = np.array([0.0, 1.0, 0.0]) - x[1] * x
         if not np.linalg.norm(pole) > 1e-3:
             pole = np.array([1.0, 0.0, 0.0]) - x[0] * x
-        pole /= np.linalg.norm(pole)
-        return x, np.cross(pole, x), pole
+        pole = pole / np.linalg.norm(pole)
+        return x, skew(pole) @ x, pole
 
     def distances(self, points: FloatArray) -> FloatArray:
         outwards = np.linalg.norm(points - self.centre, axis=1) - self.radius
@@ -134,7 +135,7 @@ def fit_plane(points: FloatArray) -> PlaneSurface | None:
 
 
 def fit_sphere(points: FloatArray, rounds: int = 10) -> SphereSurface | None:
-    """Least squares of the distances of points (N, 3), by Gauss-Newton from the algebraic fit; None where they are flat.
+    """Least squares of the distances of points (N, 3), by Gauss-Newton from the algebraic fit; None if they are flat.
 
     >>> angles = np.linspace(0, 2, 9)
     >>> ring = np.column_stack([np.cos(angles), np.sin(angles), 0.2 * angles**2])
@@ -150,18 +151,18 @@ def fit_sphere(points: FloatArray, rounds: int = 10) -> SphereSurface | None:
         return None
     local = (points - middle) / scale
     terms = np.column_stack([2 * local, np.ones(len(local))])
-    solution, _, rank, _ = np.linalg.lstsq(terms, (local**2).sum(axis=1), rcond=1e-9)
-    square = float(solution[3] + solution[:3] @ solution[:3])
-    if rank < 4 or not square > 0:
+    if np.linalg.matrix_rank(terms) < 4:
         return None
-    centre, radius = solution[:3], float(np.sqrt(square))
+    solution = np.asarray(np.linalg.lstsq(terms, (local**2).sum(axis=1), rcond=None)[0], dtype=np.float64)
+    centre = solution[:3]
+    radius = float(np.sqrt(max(solution[3] + centre @ centre, 0.0)))
     for _ in range(rounds):
         outwards = local - centre
         length = np.linalg.norm(outwards, axis=1)
         if not length.min() > 0:
             return None
         jacobian = -np.column_stack([outwards / length[:, None], np.ones(len(local))])
-        step = np.linalg.lstsq(jacobian, radius - length, rcond=None)[0]
+        step = np.asarray(np.linalg.lstsq(jacobian, radius - length, rcond=None)[0], dtype=np.float64)
         centre, radius = centre + step[:3], radius + float(step[3])
         if np.abs(step).max() < 1e-12 * radius:
             break

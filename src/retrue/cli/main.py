@@ -26,6 +26,7 @@ from retrue.cli.recalibrate import Recalibrate
 from retrue.cli.reconstruct import Reconstruct
 from retrue.cli.rollback import Rollback
 from retrue.cli.verify import Verify
+from retrue.cli.view import View
 from retrue.cli.watch import Watch
 from retrue.errors import RetrueError
 
@@ -37,6 +38,7 @@ Commands = (
     | Annotated[Recalibrate, tyro.conf.subcommand("recalibrate")]
     | Annotated[Verify, tyro.conf.subcommand("verify")]
     | Annotated[Reconstruct, tyro.conf.subcommand("reconstruct")]
+    | Annotated[View, tyro.conf.subcommand("view")]
     | Annotated[Watch, tyro.conf.subcommand("watch")]
     | Annotated[History, tyro.conf.subcommand("history")]
     | Annotated[Rollback, tyro.conf.subcommand("rollback")]

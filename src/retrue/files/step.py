@@ -90,9 +90,7 @@ def _spline(surface: SplineSurface, mm: float) -> Any:
         values, counts = np.unique(vector, return_counts=True)
         knots.append(_filled(collections.Array1_double, values.tolist()))
         multiplicities.append(_filled(collections.Array1_int, counts.tolist()))
-    return _opencascade("Geom").Geom_BSplineSurface(
-        pole_table, weight_table, *knots, *multiplicities, DEGREE, DEGREE
-    )
+    return _opencascade("Geom").Geom_BSplineSurface(pole_table, weight_table, *knots, *multiplicities, DEGREE, DEGREE)
 
 
 def _filled(array: Any, values: list[Any]) -> Any:
@@ -133,7 +131,7 @@ def _wire(surface: Any, polygon: FloatArray) -> Any:
 
 
 def _exported(faces: list[Any], path: Path) -> bytes:
-    """The bytes of a STEP file of all faces; OpenCASCADE writes to a name only, and talks to stdout unless told not to."""
+    """The bytes of a STEP file of all faces; OpenCASCADE writes to a name only, and to stdout unless told not to."""
     messages = _opencascade("Message")
     messenger = messages.Message.DefaultMessenger_s()
     printers = list(messenger.Printers())

@@ -43,6 +43,7 @@ def fill_holes(cloud: Cloud) -> Cloud:
     enclosed = len(boxes) - len(open_to_outside[open_to_outside > 0])
     card = {
         **cloud.card,
+        "points": len(cloud) + sum(map(len, patches)),
         "holes_filled": len(patches),
         "holes_left_open": enclosed - len(patches),
         "points_filled_in": sum(map(len, patches)),
@@ -79,7 +80,7 @@ def _patch(
         return None
     w = filled[:, 2:3]
     corner = np.array([window[0].start, window[1].start])
-    color = np.round(cloud.colors[rim].astype(np.float64).mean(axis=0))
+    color = np.asarray(cloud.colors[rim].mean(axis=0), dtype=np.float64).round()
     return Cloud(
         np.hstack([filled[:, :2], np.ones_like(w)]) / w,
         np.tile(color, (len(w), 1)).astype(np.uint8),
