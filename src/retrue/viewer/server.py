@@ -15,6 +15,7 @@ from retrue.errors import InputError
 from retrue.viewer.scene import Frustum, Scene, Shape, TimeLine
 
 POINT_FRACTION = 1.5e-3  # size of a point over the distance of the scene
+FIELD_OF_VIEW = np.radians(50.0)
 BACK_OFF = 0.3  # of the distance of the scene that one first stands behind the camera, and a third of it above
 
 
@@ -56,6 +57,7 @@ def _started(scene: Scene, host: str, port: int) -> Any:
     server.initial_camera.position = tuple(np.array([0.0, -BACK_OFF / 3, -BACK_OFF]) * distance)
     server.initial_camera.look_at = tuple(scene.middle)
     server.initial_camera.up = (0.0, -1.0, 0.0)
+    server.initial_camera.fov = FIELD_OF_VIEW
     for shape in scene.shapes:
         _show_shape(server, shape, POINT_FRACTION * distance)
     for frustum in scene.frusta:
@@ -107,15 +109,15 @@ def _show_frustum(server: Any, frustum: Frustum) -> list[Any]:
 def _show_time_line(server: Any, line: TimeLine) -> None:
     """A slider that shows one entry at a time."""
     handles = [_show_frustum(server, frustum) for frustum in line.frusta]
-    last = len(handles) - 1
-    slider = server.gui.add_slider(f"{line.name}: history", min=0, max=last, step=1, initial_value=last)
-    caption = server.gui.add_markdown(line.captions[last])
+    count = len(handles)
+    slider = server.gui.add_slider(f"{line.name}: history", min=1, max=count, step=1, initial_value=count)
+    caption = server.gui.add_markdown(line.captions[-1])
 
     def show(_event: object) -> None:
-        for number, parts in enumerate(handles):
+        for number, parts in enumerate(handles, start=1):
             for part in parts:
                 part.visible = number == slider.value
-        caption.content = line.captions[slider.value]
+        caption.content = line.captions[slider.value - 1]
 
     slider.on_update(show)
     show(None)
