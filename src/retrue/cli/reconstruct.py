@@ -134,7 +134,7 @@ def _cloud_text(out: Path, report: dict[str, Any]) -> str:
     lines = [f"{out}: {points} points from {correspondences} correspondences, RMS {report['epipolar_rms_px']:.3f} px"]
     if report.get("dropped_alone") or report.get("dropped_in_islands"):
         lines.append(
-            f"  strays left out: {report['dropped_alone']} that the surface goes on to from no side, "
+            f"  strays left out: {report['dropped_alone']} alone, "
             f"{report['dropped_in_islands']} on pieces without an inside"
         )
     if "holes_filled" in report:
