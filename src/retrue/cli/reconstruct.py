@@ -67,8 +67,8 @@ class Reconstruct(Command):
 
         require_writable(self.out, self.mesh, self.cad)
         rig = read_rig(self.rig)
-        self._require_formats(rig.unit)
         (points,) = read_captures([self.capture], self.pattern)
+        self._require_formats(rig.unit)
         start = time.perf_counter()
         cloud = self._finished(reconstruct(rig, points, self.limits))
         mesh = None if self.mesh is None else make_mesh(cloud)
@@ -86,7 +86,7 @@ class Reconstruct(Command):
         return Outcome(report | {"seconds": seconds}, text)
 
     def _require_formats(self, unit: str) -> None:
-        """Find out before the work what no file can hold."""
+        """Find out before the work what no file of these names can hold."""
         from retrue.files.models import require_cloud_ending, require_mesh_ending
         from retrue.files.step import require_step
 
