@@ -20,6 +20,7 @@ from retrue.reconstruction.resolution import resolution
 from retrue.reconstruction.surface_grid import surface_grid
 
 NOISE_SIGMAS = 6.0
+LEAST_KEPT = 0.8  # of a region's points, which a plane or sphere must still hold when fitted to all of them
 NEARLY_ALL = 0.998  # of a region's points, which is enough for a spline to hold within their limit,
 MOST = 0.95  # or so many, where twice the knots lose more than half as many: those are strays, not shape
 MOST_LEVELS = 10  # of splines, each with twice the intervals of the one before
@@ -80,6 +81,8 @@ def _patch(fitting: _Fitting, thin: ThinGrid, region: Region) -> Patch | None:
         surface = _fitted_spline(points, limit, _most_intervals(thin, region.rows))
     else:
         surface = _refitted(region.surface, points, limit)
+        if not (np.abs(surface.distances(points)) <= limit).mean() >= LEAST_KEPT:
+            surface = _fitted_spline(points, limit, _most_intervals(thin, region.rows))
     distance = np.abs(surface.distances(points))
     on_it = distance <= limit
     outlines = _outlines(surface, thin, region.rows)

@@ -10,7 +10,7 @@ from retrue.cad.surfaces import PlaneSurface, SphereSurface, fit_plane, fit_sphe
 from retrue.cad.thinning import ThinGrid
 from retrue.geometry.arrays import BoolArray, FloatArray, IntArray
 from retrue.reconstruction.depth_jumps import MAD_TO_SIGMA
-from retrue.reconstruction.pieces import linked_pieces
+from retrue.reconstruction.pieces import grown, linked_pieces
 from retrue.reconstruction.surface_grid import slope_residual
 
 SHARPEST_BEND = np.radians(12.0)  # between neighbours, beyond what the surface bends before and after: a crease,
@@ -22,6 +22,7 @@ WHOLE = 0.9  # of a region that a plane or sphere must explain,
 PART = 0.3  # or so much, where the rest plainly faces elsewhere: else one bent surface would become many facets
 ELSEWHERE_COSINE = np.cos(np.radians(20.0))
 ALIKE_COSINE = np.cos(np.radians(25.0))  # between the normals of a point and of the surface that it is taken to lie on
+FRINGE = 3  # cells around a surface over which normals are smoothed
 CURVED = 1.2  # a sphere must explain so many times the points that a plane does,
 LEAST_SPAN_COSINE = np.cos(np.radians(10.0))  # and reach so far from the middle of them: less is a bent plane
 SEED = 7
@@ -46,9 +47,11 @@ def smooth_regions(thin: ThinGrid, tolerance: FloatArray) -> list[Region]:
     inner = np.zeros(len(thin.points), dtype=np.bool_)
     inner[_with_all_links(thin)] = True
     queue = _pieces(a, b, np.arange(len(thin.points)), len(thin.points))
+    claimed = np.zeros(len(thin.points), dtype=np.bool_)
     regions: list[Region] = []
     while queue:
         rows = queue.pop()
+        rows = rows[~claimed[rows]]
         if len(rows) < FEWEST_POINTS or not inner[rows].any():
             continue
         surface, explained = _analytic(thin, rows, tolerance)
@@ -57,6 +60,9 @@ def smooth_regions(thin: ThinGrid, tolerance: FloatArray) -> list[Region]:
         if surface is None or not _stands_out(thin, surface, main, rest):
             regions.append(Region(rows, None))
             continue
+        claimed[main] = True
+        main = np.concatenate([main, _fringe(thin, surface, main, tolerance, claimed)])
+        claimed[main] = True
         regions.append(Region(main, surface))
         queue += _pieces(a, b, rest, len(thin.points))
     return sorted(regions, key=lambda region: -len(region.rows))
@@ -70,6 +76,18 @@ def _stands_out(thin: ThinGrid, surface: PlaneSurface | SphereSurface, main: Int
     if len(main) >= WHOLE * count:
         return True
     return bool(np.median(_cosines(surface, thin.points[rest], thin.normals[rest])) < ELSEWHERE_COSINE)
+
+
+def _fringe(
+    thin: ThinGrid, surface: PlaneSurface | SphereSurface, main: IntArray, tolerance: FloatArray, claimed: BoolArray
+) -> IntArray:
+    """Points beside `main` that lie on its surface though their normals, smoothed over the edge, do not say so."""
+    inside = np.zeros(len(thin.points), dtype=np.bool_)
+    inside[main] = True
+    index = thin.grid.index
+    beside = index[grown((index >= 0) & inside[index], FRINGE) & (index >= 0)]
+    beside = beside[~claimed[beside]]
+    return beside[np.abs(surface.distances(thin.points[beside])) <= tolerance[beside]]
 
 
 def _uncreased_links(thin: ThinGrid) -> tuple[IntArray, IntArray]:

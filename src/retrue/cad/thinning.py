@@ -19,7 +19,8 @@ class ThinGrid:
 
     Attributes
     ----------
-    points : (N, 3) on the plane through the neighbours of that point, which smooths it along its ray.
+    points : (N, 3) on the plane through the neighbours of that point, which smooths it along its ray; where no point is
+        left out, as they are, for neighbours may be so far apart that such a plane cuts through a curved surface.
     normals : (N, 3) of that plane, towards the camera.
     grid : of these points; its cells are the blocks.
     cells : (N, 2) block of each point, row and column, counted from the first cells of the full grid.
@@ -44,10 +45,10 @@ def thin_grid(points: FloatArray, cells: IntArray) -> ThinGrid:
     n = planes[usable]
     w = (n * rays).sum(axis=1)
     ahead = w > 0
-    smoothed = rays[ahead] / w[ahead, None]
+    kept = points[usable[ahead]] if block == 1 else rays[ahead] / w[ahead, None]
     normals = -n[ahead] / np.linalg.norm(n[ahead], axis=1, keepdims=True)
     thin_cells = cells[usable[ahead]] // block
-    return ThinGrid(smoothed, normals, surface_grid(smoothed, thin_cells), thin_cells, block)
+    return ThinGrid(kept, normals, surface_grid(kept, thin_cells), thin_cells, block)
 
 
 def _nearest_to_the_middle(cells: IntArray, block: int) -> IntArray:
