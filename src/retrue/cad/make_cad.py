@@ -16,13 +16,13 @@ from retrue.cad.thinning import ThinGrid, thin_grid
 from retrue.errors import DegenerateError, InputError
 from retrue.geometry.arrays import FloatArray, IntArray
 from retrue.reconstruction.cloud import Cloud
+from retrue.reconstruction.depth_jumps import SPACING_FRACTION
 from retrue.reconstruction.resolution import resolution
 from retrue.reconstruction.surface_grid import surface_grid
 
 NOISE_SIGMAS = 6.0
-LEAST_KEPT = 0.8  # of a region's points, which a plane or sphere must still hold when fitted to all of them
-NEARLY_ALL = 0.998  # of a region's points, which is enough for a spline to hold within their limit,
-MOST = 0.95  # or so many, where twice the knots lose more than half as many: those are strays, not shape
+MOST = 0.95  # of a region's points, which a surface must hold within their limit: the others are strays,
+NEARLY_ALL = 0.998  # and which is enough of them, however much finer knots could be
 MOST_LEVELS = 10  # of splines, each with twice the intervals of the one before
 POINTS_PER_KNOT = 2  # at least, along each side of the region, in the thin grid
 MOST_FITTED = 40_000  # points that a surface is fitted to; the errors are those of all
@@ -31,8 +31,8 @@ MOST_FITTED = 40_000  # points that a surface is fitted to; the errors are those
 def make_cad(cloud: Cloud, options: CadOptions | None = None) -> CadModel:
     """Planes, spheres and B-spline surfaces through the smooth regions of a cloud.
 
-    A point further from its surface than the tolerance, and than noise explains, is left out and counted: so
-    `Patch.met` is False only where the tolerance asked for is finer than the points.
+    A point further from its surface than the tolerance is left out and counted. Where more than one in twenty would
+    be, none is, and `Patch.met` is False.
 
     Raises
     ------
@@ -49,10 +49,11 @@ def make_cad(cloud: Cloud, options: CadOptions | None = None) -> CadModel:
     if wanted is None and not noise_w > 0:
         raise DegenerateError("cad: too few neighbours to tell the noise of the points; give --cad-tolerance")
     explained = NOISE_SIGMAS * np.nan_to_num(noise_w) * cloud.points[:, 2] ** 2  # w = 1 / Z: dZ = Z^2 dw
-    fitting = _Fitting(cloud.points, cloud.cells - cloud.cells.min(axis=0), explained, wanted)
+    limit = explained if wanted is None else np.full(len(cloud), wanted)
+    fitting = _Fitting(cloud.points, cloud.cells - cloud.cells.min(axis=0), limit)
     thin = thin_grid(cloud.points, cloud.cells)
-    thin_limit = fitting.limit(NOISE_SIGMAS * np.nan_to_num(noise_w) * thin.points[:, 2] ** 2)
-    found = [_patch(fitting, thin, region) for region in smooth_regions(thin, thin_limit)]
+    apart = np.maximum(wanted or 0.0, NOISE_SIGMAS * np.nan_to_num(noise_w) * thin.points[:, 2] ** 2)
+    found = [_patch(fitting, thin, region) for region in smooth_regions(thin, apart)]
     patches = sorted((patch for patch in found if patch is not None), key=lambda patch: -len(patch.rows))
     if not patches:
         raise DegenerateError(f"cad: no smooth region in {len(cloud)} points; give a larger --cad-tolerance")
@@ -61,32 +62,26 @@ def make_cad(cloud: Cloud, options: CadOptions | None = None) -> CadModel:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Fitting:
-    """All points (N, 3), their cells (N, 2), and how far from its surface the noise of each may put it (N,)."""
+    """All points (N, 3), their cells (N, 2), and how far each may lie from its surface (N,)."""
 
     points: FloatArray
     cells: IntArray
-    explained: FloatArray
-    wanted: float | None
-
-    def limit(self, explained: FloatArray) -> FloatArray:
-        """How far points with such noise may lie from their surface and belong to it."""
-        return explained if self.wanted is None else np.maximum(self.wanted, explained)
+    limit: FloatArray
 
 
 def _patch(fitting: _Fitting, thin: ThinGrid, region: Region) -> Patch | None:
     """The patch of a region; None where no face comes of it."""
     rows = _rows_of(fitting, thin, region.rows)
-    points, limit = fitting.points[rows], fitting.limit(fitting.explained[rows])
-    if region.surface is None:
+    points, limit = fitting.points[rows], fitting.limit[rows]
+    surface = None if region.surface is None else _refitted(region.surface, points, limit)
+    if surface is None or not _held(surface, points, limit) >= MOST:
         surface = _fitted_spline(points, limit, _most_intervals(thin, region.rows))
-    else:
-        surface = _refitted(region.surface, points, limit)
-        if not (np.abs(surface.distances(points)) <= limit).mean() >= LEAST_KEPT:
-            surface = _fitted_spline(points, limit, _most_intervals(thin, region.rows))
     distance = np.abs(surface.distances(points))
     on_it = distance <= limit
+    if on_it.mean() < MOST:
+        on_it[:] = True
     outlines = _outlines(surface, thin, region.rows)
-    if not on_it.any() or not outlines:
+    if not outlines:
         return None
     return Patch(
         surface,
@@ -94,16 +89,25 @@ def _patch(fitting: _Fitting, thin: ThinGrid, region: Region) -> Patch | None:
         rows[on_it],
         float(distance[on_it].max()),
         float(np.sqrt(np.mean(distance[on_it] ** 2))),
-        float(limit[on_it].max()) if fitting.wanted is None else fitting.wanted,
+        float(limit[on_it].max()),
     )
 
 
+def _held(surface: Surface, points: FloatArray, limit: FloatArray) -> float:
+    """Share of the points that lie within their limit."""
+    return float((np.abs(surface.distances(points)) <= limit).mean())
+
+
 def _rows_of(fitting: _Fitting, thin: ThinGrid, thin_rows: IntArray) -> IntArray:
-    """All points in the blocks of thin points."""
+    """All points in the blocks of thin points, but for those across a depth jump in a block."""
     blocks = fitting.cells // thin.block
-    inside = np.zeros(blocks.max(axis=0) + 1, dtype=np.bool_)
-    inside[tuple(thin.cells[thin_rows].T)] = True
-    return np.flatnonzero(inside[tuple(blocks.T)])
+    thin_row = np.full(blocks.max(axis=0) + 1, -1)
+    thin_row[tuple(thin.cells[thin_rows].T)] = thin_rows
+    nearest = thin_row[tuple(blocks.T)]
+    rows = np.flatnonzero(nearest >= 0)
+    off = fitting.points[rows] - thin.points[nearest[rows]]
+    depth = np.abs((off * thin.normals[nearest[rows]]).sum(axis=1))
+    return rows[depth <= fitting.limit[rows] + SPACING_FRACTION * np.linalg.norm(off, axis=1)]
 
 
 def _refitted(surface: PlaneSurface | SphereSurface, points: FloatArray, limit: FloatArray) -> Surface:
@@ -124,7 +128,7 @@ def _fitted_spline(points: FloatArray, limit: FloatArray, most: IntArray) -> Spl
     for level in range(MOST_LEVELS):
         intervals = np.minimum(2**level, most)
         surface = _robust_spline(points, limit, (int(intervals[0]), int(intervals[1])))
-        lost_now = float((np.abs(surface.distances(points)) > limit).mean())
+        lost_now = 1 - _held(surface, points, limit)
         if best is not None and lost <= 1 - MOST and lost_now > lost / 2:
             break
         if best is None or lost_now < lost:

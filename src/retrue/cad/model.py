@@ -19,7 +19,7 @@ class Patch:
     ----------
     surface : in the camera frame, in the cloud's unit.
     outlines : one a face, within the cells of its points.
-    rows : (N,) the points of the cloud that it was fitted to.
+    rows : (N,) the points of the cloud that lie on it.
     max_error, rms_error : distance of those points from the surface.
     tolerance : what `max_error` was to stay within.
     """
