@@ -6,6 +6,11 @@ from importlib import import_module
 import pytest
 
 
+def require_opencascade():
+    """Skips the test where it is not installed."""
+    pytest.importorskip("OCP.STEPControl", reason="OpenCASCADE is not installed")
+
+
 @dataclass
 class StepFile:
     """The shape that a STEP file holds, in millimetres."""
@@ -14,7 +19,7 @@ class StepFile:
 
     @classmethod
     def read(cls, path):
-        step = pytest.importorskip("OCP.STEPControl", reason="OpenCASCADE is not installed")
+        step = import_module("OCP.STEPControl")
         reader = step.STEPControl_Reader()
         messenger = import_module("OCP.Message").Message.DefaultMessenger_s()
         for printer in list(messenger.Printers()):

@@ -11,7 +11,7 @@ from retrue.files import step as step_file
 from retrue.files.step import require_step, write_step
 from retrue.reconstruction.cloud import Cloud
 
-from .occ import StepFile
+from .occ import StepFile, require_opencascade
 
 HEIGHT, WIDTH, FOCAL = 90, 120, 200.0
 NOISE = 0.05
@@ -70,6 +70,12 @@ def test_a_gable_becomes_two_planes_at_a_right_angle():
     assert model.left_out < 0.06 * model.points
 
 
+def test_points_without_noise_are_met_all_the_same():
+    model = make_cad(cloud_of(gable, noise=0.0))
+    assert [patch.surface.kind for patch in model.patches] == ["plane", "plane"]
+    assert all(patch.met and patch.tolerance < 1e-3 for patch in model.patches)
+
+
 def test_a_hole_in_a_surface_is_a_hole_in_its_face():
     cloud = cloud_of(wave)
     kept = (np.abs(cloud.cells - [45, 60]) > 8).any(axis=1)
@@ -89,6 +95,7 @@ def test_strays_are_on_no_patch():
 
 @pytest.mark.parametrize("depth", [wave, gable, lambda x, y: 500 - 40 * (x + 2 * y)])
 def test_step_is_valid_and_as_near_as_it_says(tmp_path, depth):
+    require_opencascade()
     cloud = cloud_of(depth)
     model = make_cad(cloud)
     write_step(tmp_path / "part.stp", model)
@@ -103,7 +110,7 @@ def test_step_is_valid_and_as_near_as_it_says(tmp_path, depth):
 
 
 def test_writing_step_says_nothing_on_stdout(tmp_path, capfd):
-    pytest.importorskip("OCP.STEPControl", reason="OpenCASCADE is not installed")
+    require_opencascade()
     write_step(tmp_path / "part.step", make_cad(cloud_of(gable)))
     assert capfd.readouterr().out == ""
     assert [path.name for path in tmp_path.iterdir()] == ["part.step"]

@@ -14,7 +14,7 @@ from retrue.simulation.camera_model import CameraModel, gaussian_blur
 from retrue.simulation.scene import Scene, render
 from retrue.simulation.surfaces import Sphere, Wall
 
-from .occ import StepFile
+from .occ import StepFile, require_opencascade
 
 RADIUS = 120.0
 CENTRE = np.array([20.0, -10.0, 720.0])
@@ -91,6 +91,7 @@ def test_the_ball_of_a_mesh_read_back_has_its_size(tmp_path, cloud, ending, per_
 
 
 def test_step_reads_back_valid_in_millimetres_and_within_its_tolerance(tmp_path, cloud, model):
+    require_opencascade()
     write_step(tmp_path / "part.step", model)
     step = StepFile.read(tmp_path / "part.step")
     assert step.valid
@@ -103,6 +104,7 @@ def test_step_reads_back_valid_in_millimetres_and_within_its_tolerance(tmp_path,
 
 
 def test_a_rig_in_metres_comes_to_the_same_step(tmp_path, cloud):
+    require_opencascade()
     write_step(tmp_path / "part.step", make_cad(in_metres(cloud)))
     step = StepFile.read(tmp_path / "part.step")
     radii = [face.Sphere().Radius() for face in step.faces() if "Sphere" in str(face.GetType())]

@@ -21,6 +21,7 @@ from retrue.reconstruction.resolution import resolution
 from retrue.reconstruction.surface_grid import surface_grid
 
 NOISE_SIGMAS = 6.0
+FINEST = 1e-6  # of the depth
 MOST = 0.95  # of a region's points, which a surface must hold within their limit: the others are strays,
 NEARLY_ALL = 0.998  # and which is enough of them, however much finer knots could be
 MOST_LEVELS = 10  # of splines, each with twice the intervals of the one before
@@ -46,18 +47,22 @@ def make_cad(cloud: Cloud, options: CadOptions | None = None) -> CadModel:
     if wanted is not None and not (0 < wanted < np.inf):
         raise InputError(f"cad_tolerance: expected a positive length, found {wanted}")
     noise_w = resolution(cloud.points, surface_grid(cloud.points, cloud.cells)).noise_w
-    if wanted is None and not noise_w > 0:
+    if wanted is None and not noise_w >= 0:
         raise DegenerateError("cad: too few neighbours to tell the noise of the points; give --cad-tolerance")
-    explained = NOISE_SIGMAS * np.nan_to_num(noise_w) * cloud.points[:, 2] ** 2  # w = 1 / Z: dZ = Z^2 dw
-    limit = explained if wanted is None else np.full(len(cloud), wanted)
+    limit = _noise_limit(noise_w, cloud.points[:, 2]) if wanted is None else np.full(len(cloud), wanted)
     fitting = _Fitting(cloud.points, cloud.cells - cloud.cells.min(axis=0), limit)
     thin = thin_grid(cloud.points, cloud.cells)
-    apart = np.maximum(wanted or 0.0, NOISE_SIGMAS * np.nan_to_num(noise_w) * thin.points[:, 2] ** 2)
+    apart = np.maximum(wanted or 0.0, _noise_limit(np.nan_to_num(noise_w), thin.points[:, 2]))
     found = [_patch(fitting, thin, region) for region in smooth_regions(thin, apart)]
     patches = sorted((patch for patch in found if patch is not None), key=lambda patch: -len(patch.rows))
     if not patches:
         raise DegenerateError(f"cad: no smooth region in {len(cloud)} points; give a larger --cad-tolerance")
     return CadModel(tuple(patches), cloud.unit, len(cloud))
+
+
+def _noise_limit(noise_w: float, depth: FloatArray) -> FloatArray:
+    """Six sigma of depth Z (N,), whose noise is Z^2 times that of w = 1 / Z; and no less than rounding."""
+    return np.maximum(NOISE_SIGMAS * noise_w * depth**2, FINEST * depth)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
