@@ -63,7 +63,8 @@ def _foreign(path: Path, content: bytes, ending: str) -> Any:
             scene.apply_transform(np.linalg.inv(GLTF_FROM_CAMERA))
         parts: list[Any] = scene.dump()
     except Exception as error:  # whatever a damaged file makes of a reader of many formats
-        raise FileError(path, f"expected {ending[1:].upper()}, found none that can be read ({type(error).__name__})") from error
+        kind = ending[1:].upper()
+        raise FileError(path, f"expected {kind}, found none that can be read ({type(error).__name__})") from error
     points = [np.asarray(part.vertices, dtype=np.float64) for part in parts]
     starts = np.cumsum([0, *map(len, points)])
     faces = [
