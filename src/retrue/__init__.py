@@ -4,6 +4,9 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
+    from retrue.cad.make_cad import make_cad as make_cad
+    from retrue.cad.model import CadModel as CadModel
+    from retrue.cad.options import CadOptions as CadOptions
     from retrue.correspondences import Correspondences as Correspondences
     from retrue.decoding.decode import decode as decode
     from retrue.errors import RetrueError as RetrueError
@@ -13,15 +16,16 @@ if TYPE_CHECKING:
     from retrue.files.history import roll_back as roll_back
     from retrue.files.history import write_in_place as write_in_place
     from retrue.files.images import read_image as read_image
+    from retrue.files.models import write_cloud as write_cloud
+    from retrue.files.models import write_mesh as write_mesh
     from retrue.files.patterns import read_pattern as read_pattern
     from retrue.files.patterns import write_pattern as write_pattern
-    from retrue.files.ply import write_cloud as write_cloud
-    from retrue.files.ply import write_mesh as write_mesh
     from retrue.files.png import write_png as write_png
     from retrue.files.points import read_points as read_points
     from retrue.files.points import write_points as write_points
     from retrue.files.rigs import read_rig as read_rig
     from retrue.files.rigs import write_rig as write_rig
+    from retrue.files.step import write_step as write_step
     from retrue.geometry.camera import Camera as Camera
     from retrue.geometry.compiled import load_kernels as load_kernels
     from retrue.geometry.homography import fit_homography as fit_homography
@@ -47,7 +51,9 @@ if TYPE_CHECKING:
     from retrue.recalibration.verify import verify as verify
     from retrue.reconstruction.cloud import Cloud as Cloud
     from retrue.reconstruction.cloud import Mesh as Mesh
+    from retrue.reconstruction.holes import fill_holes as fill_holes
     from retrue.reconstruction.mesh import make_mesh as make_mesh
+    from retrue.reconstruction.normals import with_normals as with_normals
     from retrue.reconstruction.options import ReconstructOptions as ReconstructOptions
     from retrue.reconstruction.reconstruct import reconstruct as reconstruct
     from retrue.rig import Rig as Rig
@@ -55,6 +61,8 @@ if TYPE_CHECKING:
 # Where each public name lives. It is imported when first asked for, so that `import retrue` is quick.
 _HOMES = {
     "Accepted": "recalibration.result",
+    "CadModel": "cad.model",
+    "CadOptions": "cad.options",
     "Camera": "geometry.camera",
     "Cloud": "reconstruction.cloud",
     "ColorGrid": "patterns.color_grid",
@@ -77,9 +85,11 @@ _HOMES = {
     "Verification": "recalibration.result",
     "VerifyOptions": "recalibration.verify",
     "decode": "decoding.decode",
+    "fill_holes": "reconstruction.holes",
     "fit_homography": "geometry.homography",
     "fit_homography_robust": "geometry.robust_homography",
     "load_kernels": "geometry.compiled",
+    "make_cad": "cad.make_cad",
     "make_mesh": "reconstruction.mesh",
     "planar_pose_candidates": "geometry.planar_pose",
     "planar_pose_candidates_batch": "geometry.planar_pose",
@@ -94,13 +104,15 @@ _HOMES = {
     "roll_back": "files.history",
     "triangulate": "geometry.triangulation",
     "verify": "recalibration.verify",
-    "write_cloud": "files.ply",
+    "with_normals": "reconstruction.normals",
+    "write_cloud": "files.models",
     "write_in_place": "files.history",
-    "write_mesh": "files.ply",
+    "write_mesh": "files.models",
     "write_pattern": "files.patterns",
     "write_png": "files.png",
     "write_points": "files.points",
     "write_rig": "files.rigs",
+    "write_step": "files.step",
 }
 
 

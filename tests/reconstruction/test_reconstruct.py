@@ -14,7 +14,7 @@ from .scenes import CAMERA, PROJECTOR, RIG, correspondences, scene
 def test_points_come_back_through_both_lenses():
     points, camera_px, cells, _ = scene(step=8)
     colors = np.arange(3 * len(points), dtype=np.uint8).reshape(-1, 3)
-    cloud = reconstruct(RIG, correspondences(points, colors=colors, cells=cells))
+    cloud = reconstruct(RIG, correspondences(points, colors=colors, cells=cells), ReconstructOptions(keep_strays=True))
     assert np.abs(cloud.points - points).max() < 1e-6
     assert np.abs(cloud.camera_px - camera_px).max() < 1e-6
     assert np.array_equal(cloud.colors, colors)

@@ -16,6 +16,7 @@ from retrue.cli.recalibrate import Recalibrate
 from retrue.cli.reconstruct import Reconstruct
 from retrue.cli.rollback import Rollback
 from retrue.cli.verify import Verify
+from retrue.cli.view import View
 from retrue.cli.watch import Watch
 
 COMMANDS: dict[str, type[Command]] = {
@@ -26,6 +27,7 @@ COMMANDS: dict[str, type[Command]] = {
     "recalibrate": Recalibrate,
     "verify": Verify,
     "reconstruct": Reconstruct,
+    "view": View,
     "watch": Watch,
     "history": History,
     "rollback": Rollback,
@@ -49,7 +51,11 @@ EXAMPLES: dict[str, tuple[str, ...]] = {
         "retrue recalibrate rig.json points.csv --in-place --report page.html",
     ),
     "verify": ("retrue verify rig.json wall.jpg --pattern pattern.json",),
-    "reconstruct": ("retrue reconstruct rig.json scene.jpg --pattern pattern.json --out cloud.ply",),
+    "reconstruct": (
+        "retrue reconstruct rig.json scene.jpg --pattern pattern.json --out cloud.ply",
+        "retrue reconstruct rig.json scene.jpg --pattern pattern.json \\\n      --out cloud.ply --mesh part.stl --cad part.step",
+    ),
+    "view": ("retrue view rig.json cloud.ply",),
     "watch": ("retrue watch rig.json incoming/ --pattern pattern.json --out watch-out",),
     "history": ("retrue history rig.json --plot drift.png",),
     "rollback": ("retrue rollback rig.json 3",),

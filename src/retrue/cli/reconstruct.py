@@ -5,10 +5,11 @@ from __future__ import annotations
 import time
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from tyro.conf import OmitArgPrefixes
 
+from retrue.cad.options import CadOptions
 from retrue.cli.command import (
     DONE,
     CapturePath,
@@ -21,10 +22,19 @@ from retrue.cli.command import (
 )
 from retrue.reconstruction.options import ReconstructOptions
 
+if TYPE_CHECKING:
+    from retrue.cad.model import CadModel
+    from retrue.correspondences import Correspondences
+    from retrue.reconstruction.cloud import Cloud, Mesh
+    from retrue.report.page import Page
+    from retrue.rig import Rig
+
+MOST_PATCHES_SHOWN = 12
+
 
 @dataclass(frozen=True, kw_only=True)
 class Reconstruct(ReportingCommand):
-    """Turn one capture into a coloured cloud of points, and into a mesh that stops at depth jumps.
+    """Turn one capture into a coloured cloud of points, a mesh that stops at depth jumps, and surfaces for CAD.
 
     Attributes
     ----------
@@ -35,11 +45,19 @@ class Reconstruct(ReportingCommand):
     pattern
         What the projector showed, JSON; not needed for a CSV.
     out
-        The cloud to write, PLY, in the camera frame and the rig's unit.
+        The cloud to write: PLY or OBJ in the rig's unit, GLB in metres, as the name ends.
     mesh
-        The mesh to write, PLY.
+        The mesh to write: PLY or OBJ in the rig's unit, STL in millimetres, GLB in metres, as the name ends.
+    cad
+        The surfaces to write, STEP in millimetres; needs `pip install 'retrue[cad]'`.
+    fill_holes
+        Fill holes that one smooth patch explains.
+    normals
+        Write normals too; into a cloud that is PLY.
     limits
         Limits of the method.
+    cad_limits
+        Limits of the surfaces.
     """
 
     rig: RigPath
@@ -47,35 +65,143 @@ class Reconstruct(ReportingCommand):
     pattern: PatternPath = None
     out: Path
     mesh: Path | None = None
+    cad: Path | None = None
+    fill_holes: bool = False
+    normals: bool = False
     limits: OmitArgPrefixes[ReconstructOptions] = field(default_factory=ReconstructOptions)
+    cad_limits: OmitArgPrefixes[CadOptions] = field(default_factory=CadOptions)
 
     def run(self) -> Outcome:
-        from retrue.files.plain_json import plain
-        from retrue.files.ply import write_cloud, write_mesh
+        from retrue.cad.make_cad import make_cad
         from retrue.files.rigs import read_rig
         from retrue.reconstruction.mesh import make_mesh
         from retrue.reconstruction.reconstruct import reconstruct
 
-        require_writable(self.out, self.mesh, self.report)
+        require_writable(self.out, self.mesh, self.cad, self.report)
         rig = read_rig(self.rig)
         (points,) = read_captures([self.capture], self.pattern)
+        self._require_formats(rig.unit)
         start = time.perf_counter()
-        cloud = reconstruct(rig, points, self.limits)
+        cloud = self._finished(reconstruct(rig, points, self.limits))
         mesh = None if self.mesh is None else make_mesh(cloud)
-        report: dict[str, Any] = {**plain(cloud.card), "unit": cloud.unit, "seconds": time.perf_counter() - start}
-        write_cloud(self.out, cloud)
-        report["out"] = str(self.out)
-        text = f"{self.out}: {len(cloud)} of {len(points)} points, RMS {report['epipolar_rms_px']:.3f} px"
-        if mesh is not None and self.mesh is not None:
-            write_mesh(self.mesh, mesh)
+        model = None if self.cad is None else make_cad(cloud, self.cad_limits)
+        seconds = time.perf_counter() - start
+        self._write(cloud, mesh, model)
+        report = _cloud_report(cloud) | {"out": str(self.out)}
+        text = _cloud_text(self.out, report)
+        if mesh is not None:
             report |= {"mesh": str(self.mesh), "faces": len(mesh.faces)}
             text += f"\n{self.mesh}: {len(mesh.faces)} faces"
-        page = None
-        if self.report is not None:
-            from retrue.cli.report import seen_captures
-            from retrue.report.reconstruction_page import reconstruction_page
+        if model is not None:
+            report |= {"cad": str(self.cad), "patches": _patches_report(model), "points_on_no_patch": model.left_out}
+            text += f"\n{self.cad}: {_patches_text(model)}"
+        page = None if self.report is None else (self.report, self._page(rig, points, cloud, mesh))
+        return Outcome(report | {"seconds": seconds}, text, DONE, page)
 
-            (seen,) = seen_captures([self.capture], self.pattern, [points])
-            faces = None if mesh is None else len(mesh.faces)
-            page = (self.report, reconstruction_page(rig, seen, cloud, faces=faces))
-        return Outcome(report, text, DONE, page)
+    def _page(self, rig: Rig, points: Correspondences, cloud: Cloud, mesh: Mesh | None) -> Page:
+        from retrue.cli.report import seen_captures
+        from retrue.report.reconstruction_page import reconstruction_page
+
+        (seen,) = seen_captures([self.capture], self.pattern, [points])
+        return reconstruction_page(rig, seen, cloud, faces=None if mesh is None else len(mesh.faces))
+
+    def _require_formats(self, unit: str) -> None:
+        """Find out before the work what no file of these names can hold."""
+        from retrue.files.models import require_cloud_ending, require_mesh_ending
+        from retrue.files.step import require_step
+
+        require_cloud_ending(self.out, unit)
+        if self.mesh is not None:
+            require_mesh_ending(self.mesh, unit)
+        if self.cad is not None:
+            require_step(self.cad, unit)
+
+    def _finished(self, cloud: Cloud) -> Cloud:
+        """The cloud with all that is asked for."""
+        from retrue.reconstruction.holes import fill_holes
+        from retrue.reconstruction.normals import with_normals
+
+        if self.fill_holes:
+            cloud = fill_holes(cloud)
+        return with_normals(cloud) if self.normals else cloud
+
+    def _write(self, cloud: Cloud, mesh: Mesh | None, model: CadModel | None) -> None:
+        from retrue.files.models import write_cloud, write_mesh
+        from retrue.files.step import write_step
+
+        write_cloud(self.out, cloud)
+        if self.mesh is not None and mesh is not None:
+            write_mesh(self.mesh, mesh)
+        if self.cad is not None and model is not None:
+            write_step(self.cad, model)
+
+
+def _cloud_report(cloud: Cloud) -> dict[str, Any]:
+    from retrue.files.plain_json import plain
+    from retrue.reconstruction.resolution import resolution
+    from retrue.reconstruction.surface_grid import surface_grid
+
+    report: dict[str, Any] = {**cloud.card, "unit": cloud.unit}
+    if cloud.cells is not None:
+        found = resolution(cloud.points, surface_grid(cloud.points, cloud.cells))
+        report |= {"point_spacing": found.spacing, "noise": found.noise}
+    return plain(report)
+
+
+def _cloud_text(out: Path, report: dict[str, Any]) -> str:
+    """What there is to say of a cloud, one thing a line."""
+    points, correspondences = report["points"], report["correspondences"]
+    lines = [f"{out}: {points} points from {correspondences} correspondences, RMS {report['epipolar_rms_px']:.3f} px"]
+    if report.get("dropped_alone") or report.get("dropped_in_islands"):
+        lines.append(
+            f"  strays left out: {report['dropped_alone']} alone, "
+            f"{report['dropped_in_islands']} on pieces without an inside"
+        )
+    if "holes_filled" in report:
+        lines.append(
+            f"  {report['points_filled_in']} points invented in {report['holes_filled']} holes, "
+            f"{report['holes_left_open']} holes left open"
+        )
+    if report.get("point_spacing") is not None:
+        noise = "unknown" if report["noise"] is None else f"{report['noise']:.3g} {report['unit']}"
+        lines.append(f"  spacing of points {report['point_spacing']:.3g} {report['unit']}, noise of depth {noise}")
+    return "\n".join(lines)
+
+
+def _patches_report(model: CadModel) -> list[dict[str, Any]]:
+    from retrue.cad.surfaces import SphereSurface
+    from retrue.files.plain_json import plain
+
+    return [
+        {
+            "type": patch.surface.kind,
+            "points": len(patch.rows),
+            "max_error": patch.max_error,
+            "rms_error": patch.rms_error,
+            "tolerance": patch.tolerance,
+            "met": patch.met,
+            **(
+                {"centre": plain(patch.surface.centre), "radius": patch.surface.radius}
+                if isinstance(patch.surface, SphereSurface)
+                else {}
+            ),
+        }
+        for patch in model.patches
+    ]
+
+
+def _patches_text(model: CadModel) -> str:
+    """A table of the patches, in 80 columns."""
+    lines = [
+        f"{len(model.patches)} surfaces, {model.left_out} points on none; distances in {model.unit}",
+        f"  {'type':<10}{'points':>10}{'max':>12}{'rms':>12}{'tolerance':>12}",
+    ]
+    for patch in model.patches[:MOST_PATCHES_SHOWN]:
+        missed = "" if patch.met else "  not met"
+        lines.append(
+            f"  {patch.surface.kind:<10}{len(patch.rows):>10}{patch.max_error:>12.3g}{patch.rms_error:>12.3g}"
+            f"{patch.tolerance:>12.3g}{missed}"
+        )
+    if len(model.patches) > MOST_PATCHES_SHOWN:
+        lines.append(f"  and {len(model.patches) - MOST_PATCHES_SHOWN} smaller ones")
+    return "\n".join(lines)

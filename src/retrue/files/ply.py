@@ -12,23 +12,25 @@ from retrue.files.atomic import replaced_file
 from retrue.geometry.arrays import FloatArray, IntArray
 from retrue.reconstruction.cloud import Cloud, Mesh
 
-VERTEX = np.dtype([("point", "<f4", 3), ("color", "u1", 3)])
+POINT, NORMAL, COLOR = ("point", "<f4", 3), ("normal", "<f4", 3), ("color", "u1", 3)
+VERTEX = np.dtype([POINT, COLOR])
+VERTEX_WITH_NORMAL = np.dtype([POINT, NORMAL, COLOR])
 FACE = np.dtype([("corners", "u1"), ("vertices", "<i4", 3)])
-VERTEX_PROPERTIES = [
-    "property float x",
-    "property float y",
-    "property float z",
-    "property uchar red",
-    "property uchar green",
-    "property uchar blue",
-]
+PROPERTIES = {
+    "point": ["property float x", "property float y", "property float z"],
+    "normal": ["property float nx", "property float ny", "property float nz"],
+    "color": ["property uchar red", "property uchar green", "property uchar blue"],
+}
 FACE_PROPERTY = "property list uchar int vertex_indices"
 LONGEST_HEADER = 4096  # bytes
 
 
 def write_cloud(path: str | Path, cloud: Cloud) -> None:
-    """`float x y z`, `uchar red green blue`, in the camera frame and the cloud's unit (in a comment)."""
-    _write(path, cloud.unit, _vertices(cloud.points, cloud.colors), None)
+    """`float x y z`, `uchar red green blue`, in the camera frame and the cloud's unit (in a comment).
+
+    Of a cloud with normals `float nx ny nz` stand between the two.
+    """
+    _write(path, cloud.unit, _vertices(cloud.points, cloud.colors, cloud.normals), None)
 
 
 def write_mesh(path: str | Path, mesh: Mesh) -> None:
@@ -49,26 +51,29 @@ def read_ply(path: str | Path) -> tuple[FloatArray, NDArray[np.uint8], IntArray]
     lines = [line for line in header.decode("ascii", "replace").splitlines() if not line.startswith("comment")]
     counts = {name: int(count) for kind, name, count in map(str.split, _elements(lines)) if kind and count.isdigit()}
     vertices, faces = counts.get("vertex", 0), counts.get("face", 0)
-    expected = _header(vertices, faces if "face" in counts else None)
+    layout = VERTEX_WITH_NORMAL if PROPERTIES["normal"][0] in lines else VERTEX
+    expected = _header(layout, vertices, faces if "face" in counts else None)
     if not mark or lines != expected:
         raise FileError(
             path, "expected a binary little-endian PLY of float x y z, uchar red green blue (and triangles)"
         )
-    if len(body) != vertices * VERTEX.itemsize + faces * FACE.itemsize:
+    if len(body) != vertices * layout.itemsize + faces * FACE.itemsize:
         raise FileError(path, f"expected {vertices} points and {faces} faces, found {len(body)} bytes: is it cut off?")
-    vertex = np.frombuffer(body, VERTEX, vertices)
-    face = np.frombuffer(body, FACE, faces, offset=vertices * VERTEX.itemsize)
+    vertex = np.frombuffer(body, layout, vertices)
+    face = np.frombuffer(body, FACE, faces, offset=vertices * layout.itemsize)
     return vertex["point"].astype(np.float64), vertex["color"].copy(), face["vertices"].astype(np.int64)
 
 
-def _vertices(points: FloatArray, colors: NDArray[np.uint8]) -> NDArray[np.void]:
-    vertices = np.empty(len(points), VERTEX)
+def _vertices(points: FloatArray, colors: NDArray[np.uint8], normals: FloatArray | None = None) -> NDArray[np.void]:
+    vertices = np.empty(len(points), VERTEX if normals is None else VERTEX_WITH_NORMAL)
     vertices["point"], vertices["color"] = points, colors
+    if normals is not None:
+        vertices["normal"] = normals
     return vertices
 
 
 def _write(path: str | Path, unit: str, vertices: NDArray[np.void], faces: NDArray[np.void] | None) -> None:
-    header = _header(len(vertices), None if faces is None else len(faces))
+    header = _header(vertices.dtype, len(vertices), None if faces is None else len(faces))
     printable_unit = "".join(unit.split()).encode("ascii", "replace").decode("ascii")
     header.insert(2, f"comment unit {printable_unit}")
     with replaced_file(path) as stream:
@@ -78,8 +83,9 @@ def _write(path: str | Path, unit: str, vertices: NDArray[np.void], faces: NDArr
             stream.write(faces.tobytes())
 
 
-def _header(vertices: int, faces: int | None) -> list[str]:
-    lines = ["ply", "format binary_little_endian 1.0", f"element vertex {vertices}", *VERTEX_PROPERTIES]
+def _header(layout: np.dtype[np.void], vertices: int, faces: int | None) -> list[str]:
+    properties = [line for name in layout.names or () for line in PROPERTIES[name]]
+    lines = ["ply", "format binary_little_endian 1.0", f"element vertex {vertices}", *properties]
     return lines if faces is None else [*lines, f"element face {faces}", FACE_PROPERTY]
 
 

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from retrue.geometry.arrays import FloatArray, IntArray
+from retrue.geometry.arrays import BoolArray, FloatArray, IntArray
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -24,6 +24,7 @@ class Cloud:
     unit : the rig's unit of length.
     cells : (N, 2) as in `Correspondences`, or None.
     card : counts of what was kept and dropped, and the epipolar RMS in pixels.
+    normals : (N, 3) unit normals that point to the camera, NaN where too few neighbours tell; None: not asked for.
     """
 
     points: FloatArray
@@ -32,9 +33,16 @@ class Cloud:
     unit: str
     cells: IntArray | None = None
     card: Mapping[str, Any] = field(default_factory=dict[str, Any])
+    normals: FloatArray | None = None
 
     def __len__(self) -> int:
         return len(self.points)
+
+    def select(self, rows: IntArray | BoolArray) -> Cloud:
+        """The same, with only those rows (a mask or indices)."""
+        cells = None if self.cells is None else self.cells[rows]
+        normals = None if self.normals is None else self.normals[rows]
+        return Cloud(self.points[rows], self.colors[rows], self.camera_px[rows], self.unit, cells, self.card, normals)
 
 
 @dataclass(frozen=True, slots=True, eq=False)

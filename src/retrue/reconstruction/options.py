@@ -12,6 +12,8 @@ class ReconstructOptions:
     Attributes
     ----------
     outlier_sigmas : Drop a point whose rays pass each other by more than this many times the typical distance.
+    keep_strays : Keep points that lie on no surface, and pieces of surface too small to have an inside.
     """
 
     outlier_sigmas: float = 6.0
+    keep_strays: bool = False

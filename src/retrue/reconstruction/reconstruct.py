@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -9,11 +10,13 @@ from numpy.typing import NDArray
 
 from retrue.correspondences import Correspondences
 from retrue.errors import DegenerateError, InputError
-from retrue.geometry.arrays import BoolArray, FloatArray
+from retrue.geometry.arrays import BoolArray, FloatArray, IntArray
 from retrue.geometry.camera import Camera
 from retrue.geometry.triangulation import sampson_distances, triangulate
 from retrue.reconstruction.cloud import Cloud
 from retrue.reconstruction.options import ReconstructOptions
+from retrue.reconstruction.strays import find_strays
+from retrue.reconstruction.surface_grid import surface_grid
 from retrue.rig import Rig
 
 FINEST_RESIDUAL_PX = 0.01  # rays that pass each other by less than this are no outliers, whatever the rest do
@@ -25,7 +28,8 @@ def reconstruct(rig: Rig, points: Correspondences, options: ReconstructOptions |
 
     Undistort both pixels, correct the rays by the least that makes them meet, intersect. Points whose rays
     pass each other by far more than the others' do, or meet behind a device or nowhere, are left out and
-    counted in `Cloud.card`. An error ALONG the epipolar line moves a point in depth and cannot be seen here.
+    counted in `Cloud.card`; so are strays, on no surface that the capture's grid shows (`find_strays`). An error
+    ALONG the epipolar line moves a point in depth: it cannot be seen but by the neighbours in such a grid.
 
     Raises
     ------
@@ -61,7 +65,23 @@ def reconstruct(rig: Rig, points: Correspondences, options: ReconstructOptions |
         "epipolar_rms_px": float(np.sqrt(np.mean(residual_px[kept] ** 2))),
     }
     cells = None if points.cells is None else points.cells[kept]
-    return Cloud(X[kept], _colors(points)[kept], points.camera_px[kept], rig.unit, cells, card)
+    cloud = Cloud(X[kept], _colors(points)[kept], points.camera_px[kept], rig.unit, cells, card)
+    return cloud if options.keep_strays or cells is None else _without_strays(cloud, cells)
+
+
+def _without_strays(cloud: Cloud, cells: IntArray) -> Cloud:
+    """The cloud without points that lie on no surface; all of it where the grid shows no surface at all."""
+    strays = find_strays(surface_grid(cloud.points, cells), len(cloud))
+    kept = ~(strays.alone | strays.islands)
+    if not kept.any():
+        return cloud
+    card = {
+        **cloud.card,
+        "points": int(kept.sum()),
+        "dropped_alone": int(strays.alone.sum()),
+        "dropped_in_islands": int(strays.islands.sum()),
+    }
+    return replace(cloud.select(kept), card=card)
 
 
 def epipolar_residuals(rig: Rig, points: Correspondences) -> FloatArray:
