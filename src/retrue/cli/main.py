@@ -25,6 +25,7 @@ from retrue.cli.pattern import Pattern
 from retrue.cli.recalibrate import Recalibrate
 from retrue.cli.reconstruct import Reconstruct
 from retrue.cli.rollback import Rollback
+from retrue.cli.simulate import Simulate
 from retrue.cli.verify import Verify
 from retrue.cli.watch import Watch
 from retrue.errors import RetrueError
@@ -42,6 +43,7 @@ Commands = (
     | Annotated[Rollback, tyro.conf.subcommand("rollback")]
     | Annotated[Diff, tyro.conf.subcommand("diff")]
     | Annotated[Convert, tyro.conf.subcommand("convert")]
+    | Annotated[Simulate, tyro.conf.subcommand("simulate")]
     | Annotated[Experiment, tyro.conf.subcommand("experiment")]
 )
 DESCRIPTION = "Recalibrate a camera-projector rig from one picture, and know how sure the answer is."
