@@ -54,12 +54,15 @@ def shapes(items: Iterable[Item], monochrome: bool) -> Properties:
         shape, surface = _shape(mitsuba, item)
         paint = _paint(mitsuba, item.paint, surface, monochrome)
         try:
-            found[f"item_{number:03d}"] = mitsuba.load_dict({**shape, "bsdf": paint})
+            made = mitsuba.load_dict({**shape, "bsdf": paint})
         except RuntimeError as error:
             problem = str(error).strip().splitlines()[-1].strip()
             if isinstance(item, MeshFile):
                 raise FileError(item.path, f"cannot be read as a mesh: {problem}") from error
             raise InputError(f"simulate: Mitsuba cannot make a {type(item).__name__}: {problem}") from error
+        if isinstance(item, MeshFile) and made.face_count() == 0:
+            raise FileError(item.path, "expected a mesh, found no triangles")
+        found[f"item_{number:03d}"] = made
     return found
 
 

@@ -88,14 +88,14 @@ def simulate(
     step()
     truth = find_truth(stage, _asked_points(pattern))
     step()
-    seeds = np.random.SeedSequence(options.seed).generate_state(2 * steps).tolist()
-    room = stage.room(options.ambient, seeds[0])
+    light_seed, *noise_seeds = np.random.SeedSequence(options.seed).generate_state(1 + 3 * len(rasters)).tolist()
+    room = stage.room(options.ambient, light_seed)
     step()
     lights: list[FloatArray] = []
-    for number, raster in enumerate(rasters, start=1):
-        lights.append(stage.projected(blurred_raster(raster, options.projector_blur_px), seeds[number]))
+    for raster in rasters:  # along the same paths each time, so that pattern and inverse add up to white
+        lights.append(stage.projected(blurred_raster(raster, options.projector_blur_px), light_seed))
         step()
-    camera_model, noise_seeds = _camera_model(options, monochrome), seeds[steps:]
+    camera_model = _camera_model(options, monochrome)
     if isinstance(pattern, GrayCode):
         pictures = _gray_pictures(pattern, lights, room, camera_model, noise_seeds)
     else:
