@@ -56,7 +56,7 @@ def test_recalibrate_finds_the_pose_and_writes_it(retrue, files):
     assert report["correspondences"] == 600
     assert report["seconds"] > 0
     assert report["rms_px"] < 0.1
-    assert set(report["change"]) == {"rotation_deg", "translation_deg", "length"}
+    assert set(report["change"]) == {"rotation_deg", "translation_deg", "length", "displacement"}
     assert report["change"]["rotation_deg"] == pytest.approx(5, abs=0.1)
     statistical = report["details"]["sigma_statistical"]["rotation_deg"]
     assert 0 < statistical < 0.1

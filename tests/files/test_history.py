@@ -24,9 +24,8 @@ from retrue.files.history import (
 )
 from retrue.files.rigs import read_rig, write_rig
 from retrue.geometry.camera import Camera
-from retrue.geometry.plane import Plane
 from retrue.geometry.transform import RigidTransform
-from retrue.recalibration.result import Accepted, Evidence, PoseCandidate
+from retrue.recalibration.result import Accepted, Evidence
 from retrue.rig import Rig
 
 from . import writers
@@ -260,10 +259,8 @@ def test_a_log_that_is_no_file_or_too_large_is_refused(path):
         write_in_place(path, accepted(0.1))
 
 
-def test_the_working_distance_is_that_of_the_largest_plane(path):
-    planes = (Plane(np.array([0, 0, 1.0]), 1500.0), Plane(np.array([0, 0, 1.0]), 900.0))
-    pose = rig(0.1).projector_from_camera
-    evidence = Evidence(1, candidates=(PoseCandidate(pose, planes, 0.1, None, True),))
+def test_the_working_distance_is_remembered(path):
+    evidence = Evidence(1, working_distance=1500.0)
     assert known_working_distance(path, rig(0.0)) is None
     write_in_place(path, Accepted(rig(0.1), "", evidence))
     assert known_working_distance(path, read_rig(path)) == 1500.0

@@ -21,6 +21,7 @@ def recalibration_report(result: Accepted | Refused, seconds: float) -> dict[str
     return {
         "verdict": "accepted" if isinstance(result, Accepted) else "refused",
         "reason": result.reason,
+        "cause": result.cause.name if isinstance(result, Refused) else None,
         "projector_from_camera": (
             pose_report(result.rig.projector_from_camera) if isinstance(result, Accepted) else None
         ),
@@ -31,6 +32,7 @@ def recalibration_report(result: Accepted | Refused, seconds: float) -> dict[str
         "correspondences": evidence.correspondences,
         "resolved_by": evidence.resolved_by,
         "scale": evidence.scale,
+        "working_distance": plain(evidence.working_distance),
         "details": plain(evidence.details),
         "seconds": seconds,
     }
@@ -41,11 +43,13 @@ def verification_report(verification: Verification, seconds: float) -> dict[str,
     return {
         "verdict": verification.verdict,
         "reason": verification.reason,
+        "cause": None if verification.cause is None else verification.cause.name,
         "epipolar_rms_px": plain(verification.epipolar_rms_px),
         "correspondences": verification.correspondences,
         "drift": None if verification.drift is None else plain(asdict(verification.drift)),
         "drift_sigmas": plain(verification.drift_sigmas),
         "sigma": None if verification.sigma is None else plain(asdict(verification.sigma)),
+        "working_distance": plain(verification.working_distance),
         "seconds": seconds,
     }
 

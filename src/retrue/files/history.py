@@ -138,16 +138,15 @@ def _put(
 
 
 def _evidence(result: Accepted) -> dict[str, Any]:
-    """What the answer says beyond the rig; `working_distance` is that of its largest plane."""
+    """What the answer says beyond the rig."""
     found = result.evidence
-    planes = [plane.distance for candidate in found.candidates if candidate.chosen for plane in candidate.planes]
     return {
         "reason": result.reason,
         "correspondences": found.correspondences,
         "rms_px": found.rms_px,
         "change": None if found.change is None else asdict(found.change),
         "sigma": None if found.sigma is None else asdict(found.sigma),
-        "working_distance": planes[0] if planes else None,
+        "working_distance": found.working_distance,
     }
 
 

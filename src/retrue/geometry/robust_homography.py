@@ -16,7 +16,9 @@ from retrue.errors import DegenerateError, InputError
 from retrue.geometry.arrays import BoolArray, FloatArray, IntArray, finite_array
 from retrue.geometry.homography import MINIMAL_POINTS, fit_homography, homography_residuals
 
-HYPOTHESES = 200  # at 30 % of the points on the plane, a local sample hits it in more than 1 of 20
+HYPOTHESES = 200  # in one go; at 30 % of the points on the plane, a local sample hits it in more than 1 of 20
+MOST_HYPOTHESES = 2000
+MISSED = 1e-3  # chance that no sample was all on the plane, at which the search ends
 SCORED_POINTS = 600
 CUTOFF = 4.0  # of the noise, where a point stops to count
 LARGEST_SCATTER = 0.45  # of the cutoff, RMS; points that fill the band by chance have 0.58
@@ -123,24 +125,31 @@ def local_noise(camera_rays: FloatArray, projector_rays: FloatArray, rng: np.ran
 
 
 def largest_plane(
-    x: FloatArray, y: FloatArray, noise: float, fewest: int, rng: np.random.Generator
+    x: FloatArray,
+    y: FloatArray,
+    noise: float,
+    fewest: int,
+    rng: np.random.Generator,
+    most_hypotheses: int = MOST_HYPOTHESES,
 ) -> RobustHomography | None:
     """The homography that the most points agree with, to `noise` per axis of y; None where none holds `fewest`."""
     scored = rng.choice(len(x), min(SCORED_POINTS, len(x)), replace=False)
-    candidates = _minimal_homographies(x, y, _samples(x, rng))
-    if len(candidates) == 0:
-        return None
-    support = _support(candidates, x[scored], y[scored], CUTOFF * noise)
-    best: tuple[float, FloatArray] | None = None
-    for H in candidates[np.argsort(-support)[:4]]:
-        refined = _locally_refined(H, x[scored], y[scored], noise, fewest * len(scored) / len(x))
-        if refined is not None:
-            score = float(_support(refined[None], x[scored], y[scored], CUTOFF * noise)[0])
-            if best is None or score > best[0]:
-                best = score, refined
+    few_x, few_y = x[scored], y[scored]
+    score, best = 0.0, None
+    for tried in range(HYPOTHESES, most_hypotheses + 1, HYPOTHESES):
+        candidates = _minimal_homographies(x, y, _samples(x, rng))
+        support = _support(candidates, few_x, few_y, CUTOFF * noise)
+        for H in candidates[np.argsort(-support)[:4]]:
+            refined = _locally_refined(H, few_x, few_y, noise, fewest * len(scored) / len(x))
+            if refined is not None:
+                found = float(_support(refined[None], few_x, few_y, CUTOFF * noise)[0])
+                if found > score:
+                    score, best = found, refined
+        if (1 - (score / len(scored)) ** MINIMAL_POINTS) ** tried <= MISSED:
+            break
     if best is None:
         return None
-    H = _locally_refined(best[1], x, y, noise, fewest)
+    H = _locally_refined(best, x, y, noise, fewest)
     if H is None:
         return None
     distance = homography_residuals(H, x, y, 0.0, noise)

@@ -8,11 +8,11 @@ from dataclasses import dataclass
 import numpy as np
 
 from retrue.correspondences import Correspondences
-from retrue.errors import DegenerateError
 from retrue.geometry.arrays import FloatArray
 from retrue.recalibration.candidates import Comparison, compare_candidates, with_planes
 from retrue.recalibration.options import RecalibrateOptions
 from retrue.recalibration.prepare import Rays, rays_of_captures
+from retrue.recalibration.reasons import NoPlane, PointsNotSpread, TooFewPoints, Undecidable
 from retrue.rig import Rig
 
 
@@ -34,25 +34,19 @@ def estimate_pose(rig: Rig, captures: Sequence[Correspondences], options: Recali
     _check_spread(rays, options)
     rays, homographies = with_planes(rays, float(rig.projector.K[0, 0]), options, rng)
     if not homographies:
-        raise DegenerateError(
-            f"no plane among {len(rays)} correspondences; have a wall, a board or a table top fill part of the picture"
-        )
+        raise Undecidable(NoPlane(len(rays)))
     return Estimate(rays, compare_candidates(rays, homographies, rng))
 
 
 def _check_spread(rays: Rays, options: RecalibrateOptions) -> None:
     if len(rays) < options.min_points:
-        raise DegenerateError(
-            f"expected at least {options.min_points} correspondences, found {len(rays)}; light more of the scene"
-        )
+        raise Undecidable(TooFewPoints(len(rays), options.min_points))
     for name, points in (("camera", rays.points.camera_rays), ("projector", rays.points.projector_rays)):
         largest, smallest = _spread(points)
         if not largest > 1e-9:
-            raise DegenerateError(
-                f"all correspondences lie at one place of the {name} picture; they must be spread out"
-            )
+            raise Undecidable(PointsNotSpread(name, "place"))
         if not smallest > 1e-6 * largest:
-            raise DegenerateError(f"all correspondences lie on one line of the {name} picture; they must be spread out")
+            raise Undecidable(PointsNotSpread(name, "line"))
 
 
 def _spread(points: FloatArray) -> tuple[float, float]:

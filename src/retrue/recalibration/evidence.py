@@ -2,14 +2,19 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
 from retrue.geometry.arrays import BoolArray, FloatArray
 from retrue.geometry.plane import Plane
-from retrue.geometry.transform import RigidTransform, direction_angle, rotation_angle
-from retrue.geometry.two_view import FREE, TwoViewPoints
+from retrue.geometry.transform import RigidTransform
+from retrue.geometry.two_view import FREE, POSE_PARAMETERS, TwoViewPoints, TwoViewPose
 from retrue.recalibration.fit import PoseFit
 from retrue.recalibration.result import PoseCandidate, PoseChange, PoseSigma
+from retrue.recalibration.scale import inverse_depths
+from retrue.rig import Rig
+from retrue.rig_difference import rig_difference
 
 
 def candidate(fit: PoseFit, points: TwoViewPoints, scored: BoolArray, length: float, *, chosen: bool) -> PoseCandidate:
@@ -26,13 +31,17 @@ def candidate(fit: PoseFit, points: TwoViewPoints, scored: BoolArray, length: fl
     )
 
 
-def change(old: RigidTransform, new: RigidTransform) -> PoseChange:
-    """From the old pose to the new one."""
-    return PoseChange(
-        float(np.degrees(rotation_angle(new.R @ old.R.T))),
-        float(np.degrees(direction_angle(old.t, new.t))),
-        float(np.linalg.norm(new.t) - np.linalg.norm(old.t)),
-    )
+def working_distance(fit: PoseFit, points: TwoViewPoints, length: float) -> float | None:
+    """Median depth in the camera frame of the points that agree, for t of that length; None where none is in front."""
+    disparity = inverse_depths(fit.pose, points.select(fit.explained))
+    disparity = disparity[disparity > 0]
+    return length / float(np.median(disparity)) if len(disparity) else None
+
+
+def change(rig: Rig, new: RigidTransform, distance: float | None) -> PoseChange:
+    """From the rig's pose to the new one; points at that distance are seen by the new rig and measured with the old."""
+    found = rig_difference(replace(rig, projector_from_camera=new), rig, distance)
+    return PoseChange(found.rotation_deg, found.translation_deg, -found.length, found.displacement)
 
 
 def sigma(covariance: FloatArray) -> PoseSigma:
@@ -41,6 +50,34 @@ def sigma(covariance: FloatArray) -> PoseSigma:
         float(np.degrees(np.sqrt(np.trace(covariance[:3, :3])))),
         float(np.degrees(np.sqrt(np.trace(covariance[3:, 3:])))),
     )
+
+
+def sigma_at(distance: float | None, covariance: FloatArray, pose: TwoViewPose, rig: Rig) -> PoseSigma:
+    """The same, and what it does to points at that distance: the displacements of independent errors, added up."""
+    angles = sigma(covariance)
+    if distance is None:
+        return angles
+    length = float(np.linalg.norm(rig.projector_from_camera.t))
+    true = replace(rig, projector_from_camera=RigidTransform(pose.R, pose.t * length))
+    values, vectors = np.linalg.eigh(covariance)
+    steps: FloatArray = vectors * np.sqrt(np.maximum(values, 0.0))
+    squares = 0.0
+    for k in range(POSE_PARAMETERS):
+        off = TwoViewPose(pose.R, pose.t).moved(steps[:, k])
+        wrong = replace(rig, projector_from_camera=RigidTransform(off.R, off.t * length))
+        squares += (rig_difference(true, wrong, distance).displacement or 0.0) ** 2
+    return replace(angles, displacement=float(np.sqrt(squares)))
+
+
+def share_behind(fit: PoseFit, points: TwoViewPoints) -> float:
+    """Share of the points on planes, as far as they agree with the pose, that it has behind a device."""
+    rows = fit.found.rows[fit.along_weights > 0]
+    if len(rows) == 0:
+        return 0.0
+    x = np.column_stack([points.camera_rays[rows], np.ones(len(rows))])
+    in_camera = (x * fit.pose.planes[points.plane_index[rows]]).sum(axis=1)  # |t| / depth
+    in_projector = x @ fit.pose.R[2] + in_camera * fit.pose.t[2]  # projector depth / camera depth
+    return float(np.mean(~((in_camera > 0) & (in_projector > 0))))
 
 
 def rms(values: FloatArray) -> float:

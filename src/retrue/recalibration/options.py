@@ -36,10 +36,8 @@ class RecalibrateOptions:
         Chi-square by which points off the plane must prefer one of the twin poses.
     twin_deviations
         The same in standard deviations of a sum over points that agree by chance.
-    prior_drift_deg
-        How far the direction of t plausibly turns (one sigma); resolves the twins where the scene cannot.
-    prior_odds
-        Odds that the old direction of t must give before it resolves the twins.
+    max_behind
+        Share of its plane's points that a pose may have behind a device; the twin often has more, and is impossible.
     min_points
         Fewest correspondences, and fewest points on a plane.
     max_planes
@@ -56,8 +54,16 @@ class RecalibrateOptions:
         Residuals that neighbours share beyond this are no noise: the intrinsics do not hold.
     max_outliers
         Share of correspondences that may contradict the pose.
+    max_contradicting
+        Share of the points that may contradict the pose together, as a surface and not as wrong matches.
+    max_interleaved
+        Share of the points whose neighbour may lie on another plane; mixed pictures of two poses have more.
     max_change_deg
         A rotation, or a direction of t, that changed by more than this is refused: no bump does that.
+    max_unchecked_change_deg
+        The same where the points cannot check the focal lengths, as on a bare wall: there a zoom looks like a move.
+    min_fold_deg
+        With t nearer to the plane's normal than this, no covariance holds.
     focal_sigma
         How well the focal lengths are known, relative; part of the sigma of the pose.
     principal_point_sigma_px
@@ -65,7 +71,9 @@ class RecalibrateOptions:
     flatness_sigma
         How far planes are bowed, RMS relative to their distance; likewise.
     max_focal_change
-        Residuals that ask for a focal length further off than this, relative, are a sign of zoom or focus.
+        Residuals that ask for a focal length further off than this, relative, are a sign of zoom or focus,
+    focal_deviations
+        if they ask for it with so many standard deviations.
     seed
         Of the random samples; the same points and seed give the same answer.
     """
@@ -73,19 +81,23 @@ class RecalibrateOptions:
     known_distance: KnownDistance | None = None
     twin_margin: float = 25.0
     twin_deviations: float = 3.5
-    prior_drift_deg: float = 10.0
-    prior_odds: float = 1000.0
+    max_behind: float = 0.02
     min_points: int = 12
     max_planes: int = 4
     max_points: int = 20_000
     max_sigma_rotation_deg: float = 1.0
     max_sigma_translation_deg: float = 3.0
     max_noise_px: float = 2.0
-    max_structure_px: float = 0.15
+    max_structure_px: float = 0.1
     max_outliers: float = 0.65
+    max_contradicting: float = 0.05
+    max_interleaved: float = 0.3
     max_change_deg: float = 45.0
-    focal_sigma: float = 1e-3
+    max_unchecked_change_deg: float = 20.0
+    min_fold_deg: float = 2.0
+    focal_sigma: float = 2e-3
     principal_point_sigma_px: float = 1.0
     flatness_sigma: float = 5e-4
-    max_focal_change: float = 5e-3
+    max_focal_change: float = 1e-2
+    focal_deviations: float = 5.0
     seed: int = 0

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from retrue.geometry.arrays import FloatArray, IntArray
-from retrue.geometry.robust_homography import largest_plane
+from retrue.geometry.robust_homography import HYPOTHESES, MOST_HYPOTHESES, largest_plane
 from retrue.geometry.two_view import FREE
 
 
@@ -31,7 +31,8 @@ def split_planes(
     left = np.arange(len(camera_rays))
     fewest = max(min_points, len(camera_rays) // 20)
     while len(homographies) < max_planes and len(left) >= fewest:
-        found = largest_plane(camera_rays[left], projector_rays[left], noise, fewest, rng)
+        thorough = MOST_HYPOTHESES if not homographies else HYPOTHESES  # without a first plane there is no answer
+        found = largest_plane(camera_rays[left], projector_rays[left], noise, fewest, rng, thorough)
         if found is None:
             break
         plane_index[left[found.inliers]] = len(homographies)

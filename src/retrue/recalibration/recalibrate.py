@@ -11,11 +11,12 @@ from retrue.correspondences import Correspondences
 from retrue.errors import DegenerateError, InputError
 from retrue.geometry.transform import RigidTransform
 from retrue.recalibration.estimate import Estimate, estimate_pose
-from retrue.recalibration.evidence import candidate, change, rms, sigma
+from retrue.recalibration.evidence import candidate, change, rms, sigma, sigma_at, working_distance
 from retrue.recalibration.fit import PoseFit, picture_blocks, refine
 from retrue.recalibration.judge import Choice, choose_twin, objection, supporting_rays
 from retrue.recalibration.options import RecalibrateOptions
 from retrue.recalibration.prepare import Rays
+from retrue.recalibration.reasons import Reason, reason_of
 from retrue.recalibration.result import Accepted, Evidence, PoseCandidate, Refused
 from retrue.recalibration.scale import translation_length
 from retrue.recalibration.systematic import systematic_covariance
@@ -51,17 +52,17 @@ def recalibrate(
     try:
         estimate = estimate_pose(rig, captures, options)
         choice = choose_twin(estimate.comparison, rig.projector_from_camera.t, options)
-        if choice.index is None:
-            return Refused(choice.resolved_by, _unresolved(rig, estimate, total, options))
+        if isinstance(choice, Reason):
+            return Refused(choice, _unresolved(rig, estimate, total, options))
         rays = supporting_rays(estimate, options)
         chosen = estimate.comparison.fits[choice.index]
         fit = refine(chosen.pose, rays.points, picture_blocks(rays.points.camera_rays, rays.capture), iterations=2)
         evidence = _evidence(rig, estimate, rays, choice, fit, total, options)
-        problem = objection(fit, rays, estimate, evidence, options)
+        cause = objection(fit, rays, estimate, evidence.change, options)
     except DegenerateError as error:
-        return Refused(str(error), Evidence(total))
-    if problem is not None:
-        return Refused(problem, evidence)
+        return Refused(reason_of(error), Evidence(total))
+    if cause is not None:
+        return Refused(cause, evidence)
     pose = next(candidate for candidate in evidence.candidates if candidate.chosen).projector_from_camera
     return Accepted(_new_rig(rig, pose, evidence), f"resolved by {choice.resolved_by}", evidence)
 
@@ -82,16 +83,24 @@ def _evidence(
         *_candidates(estimate, others, length),
     ]
     order = [0, 1] if choice.index == 0 else [1, 0]
+    found = candidates[0].projector_from_camera
+    distance = working_distance(fit, rays.points, length)
     covariance = fit.covariance
     statistical = sigma(covariance)
     return Evidence(
         correspondences=total,
         candidates=tuple(candidates[k] for k in order[: len(candidates)]),
         rms_px=rms(fit.found.epipolar[fit.explained]),
-        change=change(rig.projector_from_camera, candidates[0].projector_from_camera),
-        sigma=sigma(covariance + systematic_covariance(rig, rays.points, fit, options)),
+        change=change(rig, found, distance),
+        sigma=sigma_at(
+            distance,
+            covariance + systematic_covariance(rig, rays.points, fit, options),
+            fit.pose,
+            replace(rig, projector_from_camera=found),
+        ),
         resolved_by=choice.resolved_by,
         scale=_scale_policy(options),
+        working_distance=distance,
         details={
             "covariance": covariance.tolist(),
             "sigma_statistical": {
@@ -150,6 +159,7 @@ def _new_rig(rig: Rig, pose: RigidTransform, evidence: Evidence) -> Rig:
             "rms_px": evidence.rms_px,
             "resolved_by": evidence.resolved_by,
             "scale": evidence.scale,
+            "working_distance": evidence.working_distance,
             **evidence.details,
         },
     )

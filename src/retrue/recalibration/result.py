@@ -8,6 +8,7 @@ from typing import Any, Literal
 
 from retrue.geometry.plane import Plane
 from retrue.geometry.transform import RigidTransform
+from retrue.recalibration.reasons import Reason
 from retrue.rig import Rig
 
 
@@ -33,24 +34,44 @@ class PoseCandidate:
 
 @dataclass(frozen=True, slots=True)
 class PoseChange:
-    """From the old rig to the new: rotation and direction of t in degrees, |t| in the rig's unit."""
+    """From one pose to another.
+
+    Attributes
+    ----------
+    rotation_deg, translation_deg : of R, and of the direction of t.
+    length : by how much |t| grew, in the rig's unit.
+    displacement : how far points at the working distance land elsewhere, RMS, in the rig's unit; None where that
+        distance is not known.
+    """
 
     rotation_deg: float
     translation_deg: float
     length: float
+    displacement: float | None = None
 
 
 @dataclass(frozen=True, slots=True)
 class PoseSigma:
-    """One standard deviation: of rotation (RMS over axes) and of the direction of t, in degrees."""
+    """One standard deviation.
+
+    Attributes
+    ----------
+    rotation_deg, translation_deg : of the angle of R, and of that of t.
+    displacement : of points at the working distance, RMS, in the rig's unit; |t| is taken for exact. None where
+        that distance is not known.
+    """
 
     rotation_deg: float
     translation_deg: float
+    displacement: float | None = None
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Evidence:
-    """What the verdict rests on. `None` where the work stopped before that was known."""
+    """What the verdict rests on. `None` where the work stopped before that was known.
+
+    `working_distance` is the median depth of the points, in the rig's unit.
+    """
 
     correspondences: int
     candidates: tuple[PoseCandidate, ...] = ()
@@ -59,6 +80,7 @@ class Evidence:
     sigma: PoseSigma | None = None
     resolved_by: str = ""
     scale: str = ""
+    working_distance: float | None = None
     details: Mapping[str, Any] = field(default_factory=dict[str, Any])
 
 
@@ -73,10 +95,15 @@ class Accepted:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Refused:
-    """No rig: the picture cannot tell, or what it tells is not to be trusted; the reason says what to do."""
+    """No rig: the picture cannot tell, or what it tells is not to be trusted; the cause says what to do."""
 
-    reason: str
+    cause: Reason
     evidence: Evidence
+
+    @property
+    def reason(self) -> str:
+        """The cause in one sentence."""
+        return str(self.cause)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -88,6 +115,9 @@ class Verification:
     verdict : "good", "drifted" or "unknown".
     epipolar_rms_px : of the capture's points under the rig as it stands.
     drift : from the rig to the pose that the capture itself supports; None when unknown.
+    sigma : of that drift, the rig's own uncertainty included.
+    working_distance : median depth of the points, in the rig's unit.
+    cause : why the answer is "unknown"; None where it is not.
     drift_sigmas : Mahalanobis length of that drift in the sigma of the capture (chi with 5 degrees of freedom).
     """
 
@@ -98,3 +128,5 @@ class Verification:
     drift: PoseChange | None = None
     drift_sigmas: float | None = None
     sigma: PoseSigma | None = None
+    working_distance: float | None = None
+    cause: Reason | None = None

@@ -95,7 +95,7 @@ def _thinned(points: TwoViewPoints, fit: PoseFit) -> tuple[TwoViewPoints, PoseFi
 
 
 def _bowed(pose: TwoViewPose, points: TwoViewPoints, plane: int, flatness: float) -> list[TwoViewPoints]:
-    """The points of one plane moved as they would be by each of three bows, of that RMS relative to the distance."""
+    """The points of one plane moved as by each of three bows, together of that RMS relative to the distance."""
     mine = np.flatnonzero(points.plane_index == plane)
     if len(mine) < 6:
         return []
@@ -105,7 +105,7 @@ def _bowed(pose: TwoViewPose, points: TwoViewPoints, plane: int, flatness: float
     scaled = (x - x.mean(axis=0)) / x.std(axis=0)
     shapes = np.stack([scaled[:, 0] ** 2, scaled[:, 0] * scaled[:, 1], scaled[:, 1] ** 2], axis=1)
     shapes = shapes - linear @ np.linalg.lstsq(linear, shapes, rcond=None)[0]  # what a tilt does not take up
-    shapes = shapes / np.maximum(shapes.std(axis=0), 1e-300)
+    shapes = shapes / np.maximum(shapes.std(axis=0) * np.sqrt(shapes.shape[1]), 1e-300)
     v = linear @ pose.R.T
     moved: list[TwoViewPoints] = []
     before = v + disparity[:, None] * pose.t

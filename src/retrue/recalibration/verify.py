@@ -24,12 +24,13 @@ from retrue.geometry.two_view import (
     tangent_basis,
 )
 from retrue.recalibration.estimate import Estimate, estimate_pose
-from retrue.recalibration.evidence import change, rms, sigma
+from retrue.recalibration.evidence import change, rms, sigma_at, working_distance
 from retrue.recalibration.fit import PoseFit, picture_blocks, refine
-from retrue.recalibration.judge import inconsistency, supporting_rays, twin_is_resolved
+from retrue.recalibration.judge import imprecision, inconsistency, supporting_rays, twin_is_resolved
 from retrue.recalibration.options import RecalibrateOptions
 from retrue.recalibration.prepare import Rays
-from retrue.recalibration.result import PoseSigma, Verification
+from retrue.recalibration.reasons import Imprecise, Reason, reason_of
+from retrue.recalibration.result import Verification
 from retrue.recalibration.systematic import systematic_covariance
 from retrue.rig import Rig
 
@@ -80,11 +81,15 @@ def verify(rig: Rig, captures: Sequence[Correspondences], options: VerifyOptions
         raise InputError("verify: expected at least one capture, found none")
     total = sum(len(capture) for capture in captures)
     try:
-        estimate = estimate_pose(rig, captures, options.estimate)
-        rays = supporting_rays(estimate, options.estimate)
-        fit = _supported_fit(rig, estimate, rays, options.estimate)
+        return _verify(rig, captures, total, options)
     except DegenerateError as error:
-        return Verification("unknown", str(error), None, total)
+        return Verification("unknown", str(error), None, total, cause=reason_of(error))
+
+
+def _verify(rig: Rig, captures: Sequence[Correspondences], total: int, options: VerifyOptions) -> Verification:
+    estimate = estimate_pose(rig, captures, options.estimate)
+    rays = supporting_rays(estimate, options.estimate)
+    fit = _supported_fit(rig, estimate, rays, options.estimate)
     old = rig.projector_from_camera
     unit_t = old.t / np.linalg.norm(old.t)
     epipolar_rms = rms(epipolar_residuals(old.R, unit_t, rays.points)[fit.explained])
@@ -93,23 +98,23 @@ def verify(rig: Rig, captures: Sequence[Correspondences], options: VerifyOptions
         fit.covariance + systematic_covariance(rig, rays.points, fit, options.estimate) + _rig_covariance(rig, options)
     )
     distance = float(np.sqrt(difference @ np.linalg.solve(covariance, difference)))
-    found = change(old, RigidTransform(fit.pose.R, fit.pose.t * np.linalg.norm(old.t)))
-    uncertainty = sigma(covariance)
-    limit = _distance_limit(options.false_alarms)
+    supported = RigidTransform(fit.pose.R, fit.pose.t * np.linalg.norm(old.t))
+    depth = working_distance(fit, rays.points, float(np.linalg.norm(old.t)))
+    found = change(rig, supported, depth)
+    uncertainty = sigma_at(depth, covariance, fit.pose, rig)
 
-    def verdict(word: Literal["good", "drifted", "unknown"], reason: str) -> Verification:
-        return Verification(word, reason, epipolar_rms, total, found, distance, uncertainty)
+    def verdict(word: Literal["good", "drifted", "unknown"], says: str | Reason) -> Verification:
+        cause = says if isinstance(says, Reason) else None
+        return Verification(
+            word, str(says), epipolar_rms, total, found, distance, uncertainty, working_distance=depth, cause=cause
+        )
 
+    # A covariance that is too wide is beyond the reach of its linearisation: no drift can be read from it either.
+    cause = inconsistency(fit, rays, estimate, options.estimate) or imprecision(fit, options.estimate)
+    if cause is not None:
+        return verdict("unknown", cause)
     moved = f"{found.rotation_deg:.3f} deg in rotation, {found.translation_deg:.3f} deg in the direction of t"
-    problem = inconsistency(fit, rays, estimate, options.estimate)
-    if problem is not None:
-        return verdict("unknown", problem)
-    own = sigma(fit.covariance)
-    if not (
-        own.rotation_deg <= options.estimate.max_sigma_rotation_deg
-        and own.translation_deg <= options.estimate.max_sigma_translation_deg
-    ):  # beyond the reach of a linearised covariance, so that no drift can be read from it either
-        return verdict("unknown", _imprecise(own))
+    limit = _distance_limit(options.false_alarms)
     if distance > limit:
         return verdict("drifted", f"the capture supports another pose: {moved}, {distance:.1f} sigma; recalibrate")
     if not (
@@ -117,15 +122,8 @@ def verify(rig: Rig, captures: Sequence[Correspondences], options: VerifyOptions
         and uncertainty.rotation_deg <= options.max_sigma_rotation_deg
         and uncertainty.translation_deg <= options.max_sigma_translation_deg
     ):
-        return verdict("unknown", _imprecise(uncertainty))
+        return verdict("unknown", Imprecise(uncertainty.rotation_deg, uncertainty.translation_deg))
     return verdict("good", f"the capture supports the rig's pose: {moved}, {distance:.1f} sigma")
-
-
-def _imprecise(found: PoseSigma) -> str:
-    return (
-        f"the capture knows the pose only to {found.rotation_deg:.2g} deg and {found.translation_deg:.2g} deg;"
-        " fill more of the picture, or add captures"
-    )
 
 
 def pose_difference(pose: TwoViewPose, old: RigidTransform) -> FloatArray:
