@@ -3,24 +3,31 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from retrue.errors import InputError
 from retrue.geometry.arrays import FloatArray
-from retrue.geometry.transform import RigidTransform, rotation_from_vector
+from retrue.geometry.camera import Camera
+from retrue.geometry.transform import RigidTransform
 from retrue.rig import Rig
 from retrue.simulation.surfaces import Box, Paint, Sphere, Wall
 
-Builder = Callable[[RigidTransform, float], tuple[Wall | Sphere | Box, ...]]
+Piece = Wall | Sphere | Box
+Triple = tuple[float, float, float]
+
 FAR = 6.0  # half size of a wall, in widths of the camera's view
+SLIGHTLY_TURNED = (0.1, -0.15, 0.0)  # radians: a wall across the axis would be a special case
 NEARLY_PARALLEL = 0.02  # sine of the angle between the views: below, they meet nowhere in particular
 BASELINES = 5.0  # distance in that case
 
 
 def meeting_distance(rig: Rig) -> float:
     """Distance along the camera's middle ray where the projector's middle ray passes nearest."""
-    ray, other = _middle_ray(rig, "camera"), _middle_ray(rig, "projector")
+    ray = _middle_ray(rig.camera)
+    other = rig.projector_from_camera.R.T @ _middle_ray(rig.projector)
     centre = rig.projector_from_camera.inverse().t
     baseline = float(np.linalg.norm(centre))
     if not baseline > 0:
@@ -33,108 +40,87 @@ def meeting_distance(rig: Rig) -> float:
     return distance if distance > 0.5 * baseline else BASELINES * baseline
 
 
-def built_in_scene(name: str, rig: Rig, distance: float) -> tuple[Wall | Sphere | Box, ...]:
+def built_in_scene(name: str, rig: Rig, distance: float) -> tuple[Piece, ...]:
     """The surfaces of a scene of `SCENES`, its middle at that distance along the camera's middle ray."""
-    ray = _middle_ray(rig, "camera")
+    ray = _middle_ray(rig.camera)
     x = np.cross([0.0, 1.0, 0.0], ray)
     x /= np.linalg.norm(x)
     camera_from_stage = RigidTransform(np.stack([x, np.cross(ray, x), ray], axis=1), distance * ray)
-    width = distance * rig.camera.size[0] / float(rig.camera.K[0, 0])
-    return SCENES[name](camera_from_stage, width)
+    return SCENES[name](_Stage(camera_from_stage, distance * rig.camera.size[0] / float(rig.camera.K[0, 0])))
 
 
-def _middle_ray(rig: Rig, device: str) -> FloatArray:
-    """Unit vector in the camera's frame."""
-    camera = rig.camera if device == "camera" else rig.projector
-    x, y = camera.unproject((np.array(camera.size) - 1) / 2)
-    ray = np.array([x, y, 1.0]) / np.sqrt(x * x + y * y + 1)
-    return ray if device == "camera" else rig.projector_from_camera.R.T @ ray
+@dataclass(frozen=True, slots=True)
+class _Stage:
+    """Where to put things: x to the right, y down, z away from the camera, in widths of its view."""
+
+    camera_from_stage: RigidTransform
+    width: float
+
+    def pose(self, at: ArrayLike, turn: ArrayLike) -> RigidTransform:
+        return self.camera_from_stage @ RigidTransform.from_rotation_vector(turn, self.width * np.asarray(at))
+
+    def wall(self, z: float, turn: Triple = SLIGHTLY_TURNED) -> Wall:
+        return Wall(self.pose([0.0, 0.0, z], turn), (FAR * self.width, FAR * self.width))
+
+    def box(self, at: Triple, half: Triple, turn: Triple = (0.0, 0.0, 0.0), paint: Paint | None = None) -> Box:
+        x, y, z = half
+        half_size = (x * self.width, y * self.width, z * self.width)
+        return Box(self.pose(at, turn), half_size, paint or Paint())
+
+    def ball(self, at: Triple, radius: float, paint: Paint | None = None) -> Sphere:
+        centre = self.camera_from_stage.apply(self.width * np.array(at))
+        return Sphere(centre, radius * self.width, paint or Paint())
 
 
-def _placed(stage: RigidTransform, width: float, at: tuple[float, float, float], turn: FloatArray) -> RigidTransform:
-    return stage @ RigidTransform(turn, width * np.array(at))
+def _middle_ray(device: Camera) -> FloatArray:
+    """Unit vector through the middle of the device's picture, in its own frame."""
+    x, y = device.unproject((np.array(device.size) - 1) / 2)
+    ray = np.array([x, y, 1.0])
+    return ray / np.linalg.norm(ray)
 
 
-def _wall(
-    stage: RigidTransform,
-    width: float,
-    at: tuple[float, float, float] = (0.0, 0.0, 0.0),
-    turn: tuple[float, float, float] = (0.1, -0.15, 0.0),
-    paint: Paint | None = None,
-) -> Wall:
-    pose = _placed(stage, width, at, rotation_from_vector(turn))
-    return Wall(pose, (FAR * width, FAR * width), paint if paint is not None else Paint())
+def _corner(stage: _Stage) -> tuple[Piece, ...]:
+    return stage.wall(0.3, (0.0, np.pi / 4, 0.0)), stage.wall(0.3, (0.0, -np.pi / 4, 0.0))
 
 
-def _box(
-    stage: RigidTransform,
-    width: float,
-    at: tuple[float, float, float],
-    half: tuple[float, float, float],
-    turn: tuple[float, float, float] = (0.0, 0.0, 0.0),
-    paint: Paint | None = None,
-) -> Box:
-    pose = _placed(stage, width, at, rotation_from_vector(turn))
-    x, y, z = half
-    return Box(pose, (x * width, y * width, z * width), paint if paint is not None else Paint())
-
-
-def _ball(
-    stage: RigidTransform, width: float, at: tuple[float, float, float], radius: float, paint: Paint | None = None
-) -> Sphere:
-    return Sphere(stage.apply(width * np.array(at)), radius * width, paint if paint is not None else Paint())
-
-
-def _corner(stage: RigidTransform, width: float) -> tuple[Wall | Sphere | Box, ...]:
-    at = (0.0, 0.0, 0.3)
-    return _wall(stage, width, at, (0.0, np.pi / 4, 0.0)), _wall(stage, width, at, (0.0, -np.pi / 4, 0.0))
-
-
-def _step(stage: RigidTransform, width: float) -> tuple[Wall | Sphere | Box, ...]:
+def _step(stage: _Stage) -> tuple[Piece, ...]:
     turn = (0.1, 0.0, 0.0)
-    return _wall(stage, width, (0.0, 0.0, 0.15), turn), _box(stage, width, (2.0, 0.0, 0.0), (2.0, FAR, 0.05), turn)
+    return stage.wall(0.15, turn), stage.box((2.0, 0.0, 0.0), (2.0, FAR, 0.05), turn)
 
 
-def _sphere(stage: RigidTransform, width: float) -> tuple[Wall | Sphere | Box, ...]:
-    return _wall(stage, width, (0.0, 0.0, 0.4)), _ball(stage, width, (0.0, 0.0, 0.1), 0.2)
-
-
-def _clutter(stage: RigidTransform, width: float) -> tuple[Wall | Sphere | Box, ...]:
+def _clutter(stage: _Stage) -> tuple[Piece, ...]:
     random = np.random.default_rng(0)
-    items: list[Wall | Sphere | Box] = [_wall(stage, width, (0.0, 0.0, 0.3))]
+
+    def three(low: float, high: float) -> Triple:
+        a, b, c = (float(value) for value in random.uniform(low, high, 3))
+        return a, b, c
+
+    pieces: list[Piece] = [stage.wall(0.3)]
     for k in range(8):
-        x, y, z = random.uniform([-0.4, -0.3, -0.1], [0.4, 0.3, 0.2])
-        red, green, blue = random.uniform(0.4, 0.9, 3)
-        paint = Paint((float(red), float(green), float(blue)))
-        size = random.uniform(0.04, 0.1, 3)
-        if k % 2:
-            items.append(_ball(stage, width, (x, y, z), float(size[0]), paint))
-        else:
-            turn, half = random.normal(size=3), (float(size[0]), float(size[1]), float(size[2]))
-            items.append(_box(stage, width, (x, y, z), half, (float(turn[0]), float(turn[1]), float(turn[2])), paint))
-    return tuple(items)
+        x, y, z = three(-1.0, 1.0)
+        at = (0.4 * x, 0.3 * y, 0.05 + 0.15 * z)
+        paint, half, turn = Paint(three(0.4, 0.9)), three(0.04, 0.1), three(-1.5, 1.5)
+        pieces.append(stage.ball(at, half[0], paint) if k % 2 else stage.box(at, half, turn, paint))
+    return tuple(pieces)
 
 
-def _texture(stage: RigidTransform, width: float) -> tuple[Wall | Sphere | Box, ...]:
-    print_ = Paint(blob_size=0.06 * width, contrast=0.7, seed=1)
-    card = _box(stage, width, (0.15, 0.05, 0.05), (0.12, 0.1, 0.02), (0.2, 0.3, 0.1), print_)
-    return _box(stage, width, (0.0, 0.0, 0.3), (1.0, 1.0, 0.1), (0.1, -0.15, 0.0), print_), card
+def _texture(stage: _Stage) -> tuple[Piece, ...]:
+    printed = Paint(blob_size=0.06 * stage.width, contrast=0.7, seed=1)
+    panel = stage.box((0.0, 0.0, 0.3), (1.0, 1.0, 0.1), SLIGHTLY_TURNED, printed)
+    return panel, stage.box((0.15, 0.05, 0.05), (0.12, 0.1, 0.02), (0.2, 0.3, 0.1), printed)
 
 
-def _glossy(stage: RigidTransform, width: float) -> tuple[Wall | Sphere | Box, ...]:
+def _glossy(stage: _Stage) -> tuple[Piece, ...]:
     shiny = Paint((0.6, 0.6, 0.65), gloss=0.6)
-    return (
-        _wall(stage, width, (0.0, 0.0, 0.3)),
-        _ball(stage, width, (-0.2, 0.0, 0.1), 0.14, shiny),
-        _box(stage, width, (0.18, 0.02, 0.12), (0.1, 0.12, 0.06), (0.1, 0.4, 0.0), shiny),
-    )
+    ball = stage.ball((-0.2, 0.0, 0.1), 0.14, shiny)
+    return stage.wall(0.3), ball, stage.box((0.18, 0.02, 0.12), (0.1, 0.12, 0.06), (0.1, 0.4, 0.0), shiny)
 
 
-SCENES: dict[str, Builder] = {
-    "wall": lambda stage, width: (_wall(stage, width),),
+SCENES: dict[str, Callable[[_Stage], tuple[Piece, ...]]] = {
+    "wall": lambda stage: (stage.wall(0.0),),
     "corner": _corner,
     "step": _step,
-    "sphere": _sphere,
+    "sphere": lambda stage: (stage.wall(0.4), stage.ball((0.0, 0.0, 0.1), 0.2)),
     "clutter": _clutter,
     "texture": _texture,
     "glossy": _glossy,
