@@ -57,7 +57,7 @@ def behind_the_projector() -> Case:
 
 
 def tiny_patch() -> Case:
-    return RIG, [capture(Scene(), area=(0.5, 0.56, 0.5, 0.56), grid=(10, 10))]
+    return RIG, [capture(Scene(), area=(0.35, 0.45, 0.35, 0.45), grid=(5, 5))]
 
 
 def mostly_wrong() -> Case:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import product
 
 import numpy as np
@@ -126,10 +126,12 @@ def _trial(cell: Cell, rng: np.random.Generator) -> FloatArray:
     old_t = _drifted(truth.t, cell.drift_deg, rng)
     prior_wrong = direction_angle(old_t, other.translation_over_distance) < direction_angle(old_t, truth.t)
     old = Rig(rig.camera, rig.projector, RigidTransform(truth.R, old_t))
-    # Where the old rig is not the cue it may not decide: any change is plausible, so that it rules out none.
-    by_prior = cell.cue == "old direction of t"
-    anything = RecalibrateOptions(max_unchecked_change_deg=180.0, max_change_deg=180.0)
-    options = RecalibrateOptions() if by_prior else anything
+    # Each cue by itself: elsewhere any share may lie behind a device, and any change is plausible.
+    options = RecalibrateOptions()
+    if cell.cue != "cheirality":
+        options = replace(options, max_behind=1.0)
+    if cell.cue != "old direction of t":
+        options = replace(options, max_unchecked_change_deg=180.0, max_change_deg=180.0)
     result = recalibrate(old, [capture], options)
     accepted = isinstance(result, Accepted)
     wrong = isinstance(result, Accepted) and _nearer_to(other, truth, result.rig.projector_from_camera)

@@ -108,11 +108,14 @@ def homography_residuals(
 ) -> FloatArray:
     """Whitened Sampson distance (N,) of each pair: its square is chi-square with two degrees of freedom.
 
+    NaN where H maps a point to infinity.
+
     >>> homography_residuals(np.eye(3), np.zeros((1, 2)), np.array([[3.0, 4.0]])).round(6).tolist()
     [3.535534]
     """
-    (dx, dy), (a, b, c) = _whitened(H, source, target, source_sigma, target_sigma)[:2]
-    return np.sqrt((c * dx * dx - 2 * b * dx * dy + a * dy * dy) / (a * c - b * b))
+    with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
+        (dx, dy), (a, b, c) = _whitened(H, source, target, source_sigma, target_sigma)[:2]
+        return np.sqrt((c * dx * dx - 2 * b * dx * dy + a * dy * dy) / (a * c - b * b))
 
 
 def _fit_compiled(

@@ -74,10 +74,11 @@ def share_behind(fit: PoseFit, points: TwoViewPoints) -> float:
     rows = fit.found.rows[fit.along_weights > 0]
     if len(rows) == 0:
         return 0.0
-    x = np.column_stack([points.camera_rays[rows], np.ones(len(rows))])
-    in_camera = (x * fit.pose.planes[points.plane_index[rows]]).sum(axis=1)  # |t| / depth
+    x: FloatArray = np.column_stack([points.camera_rays[rows], np.ones(len(rows))])
+    in_camera: FloatArray = (x * fit.pose.planes[points.plane_index[rows]]).sum(axis=1)  # |t| / depth
     in_projector = x @ fit.pose.R[2] + in_camera * fit.pose.t[2]  # projector depth / camera depth
-    return float(np.mean(~((in_camera > 0) & (in_projector > 0))))
+    in_front = np.count_nonzero((in_camera > 0) & (in_projector > 0))
+    return 1 - in_front / len(rows)
 
 
 def rms(values: FloatArray) -> float:

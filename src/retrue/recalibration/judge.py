@@ -38,6 +38,7 @@ from retrue.recalibration.result import PoseChange
 from retrue.recalibration.systematic import FocalChange, focal_change
 
 DEVICES = ("camera", "projector")
+TOO_FAR = 1.6  # times the largest believable move: what the old direction of t rules out
 
 
 @dataclass(frozen=True, slots=True)
@@ -56,7 +57,7 @@ def twin_is_resolved(comparison: Comparison, options: RecalibrateOptions) -> boo
 def choose_twin(comparison: Comparison, old_t: FloatArray, options: RecalibrateOptions) -> Choice | Reason:
     """By points off the plane; else by what lies behind a device; else by the old direction of t.
 
-    The old direction decides only where one candidate is a believable move from it, and the other twice too far.
+    The old direction decides only where one candidate is a believable move from it, and the other much too far.
     """
     if len(comparison.fits) == 1:
         return Choice(0, "the twins coincide")
@@ -71,7 +72,7 @@ def choose_twin(comparison: Comparison, old_t: FloatArray, options: RecalibrateO
     angles = np.degrees([direction_angle(fit.pose.t, old_t) for fit in comparison.fits])
     nearest = int(np.argmin(angles))
     near, far = float(angles[nearest]), float(angles[1 - nearest])
-    if near <= options.max_unchecked_change_deg and far >= 2 * options.max_unchecked_change_deg:
+    if near <= options.max_unchecked_change_deg and far >= TOO_FAR * options.max_unchecked_change_deg:
         return Choice(nearest, f"the old direction of t ({near:.1f} deg away, the twin {far:.1f} deg)")
     angle = min(_angle_to_fold(fit) for fit in comparison.fits)
     return TwinsUnresolved(near, far) if angle > options.min_fold_deg else NearFold(angle)
