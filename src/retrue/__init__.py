@@ -8,6 +8,10 @@ if TYPE_CHECKING:
     from retrue.decoding.decode import decode as decode
     from retrue.errors import RetrueError as RetrueError
     from retrue.files.captures import read_capture as read_capture
+    from retrue.files.history import HistoryEntry as HistoryEntry
+    from retrue.files.history import read_history as read_history
+    from retrue.files.history import roll_back as roll_back
+    from retrue.files.history import write_in_place as write_in_place
     from retrue.files.images import read_image as read_image
     from retrue.files.patterns import read_pattern as read_pattern
     from retrue.files.patterns import write_pattern as write_pattern
@@ -33,11 +37,13 @@ if TYPE_CHECKING:
     from retrue.patterns.gray_code import GrayCode as GrayCode
     from retrue.recalibration.options import KnownDistance as KnownDistance
     from retrue.recalibration.options import RecalibrateOptions as RecalibrateOptions
+    from retrue.recalibration.reasons import Reason as Reason
     from retrue.recalibration.recalibrate import recalibrate as recalibrate
     from retrue.recalibration.result import Accepted as Accepted
     from retrue.recalibration.result import Evidence as Evidence
     from retrue.recalibration.result import Refused as Refused
     from retrue.recalibration.result import Verification as Verification
+    from retrue.recalibration.verify import VerifyOptions as VerifyOptions
     from retrue.recalibration.verify import verify as verify
     from retrue.reconstruction.cloud import Cloud as Cloud
     from retrue.reconstruction.cloud import Mesh as Mesh
@@ -55,10 +61,12 @@ _HOMES = {
     "Correspondences": "correspondences",
     "Evidence": "recalibration.result",
     "GrayCode": "patterns.gray_code",
+    "HistoryEntry": "files.history",
     "KnownDistance": "recalibration.options",
     "Mesh": "reconstruction.cloud",
     "PlanarPose": "geometry.planar_pose",
     "Plane": "geometry.plane",
+    "Reason": "recalibration.reasons",
     "RecalibrateOptions": "recalibration.options",
     "ReconstructOptions": "reconstruction.options",
     "Refused": "recalibration.result",
@@ -67,6 +75,7 @@ _HOMES = {
     "RigidTransform": "geometry.transform",
     "RobustHomography": "geometry.robust_homography",
     "Verification": "recalibration.result",
+    "VerifyOptions": "recalibration.verify",
     "decode": "decoding.decode",
     "fit_homography": "geometry.homography",
     "fit_homography_robust": "geometry.robust_homography",
@@ -75,15 +84,18 @@ _HOMES = {
     "planar_pose_candidates": "geometry.planar_pose",
     "planar_pose_candidates_batch": "geometry.planar_pose",
     "read_capture": "files.captures",
+    "read_history": "files.history",
     "read_image": "files.images",
     "read_pattern": "files.patterns",
     "read_points": "files.points",
     "read_rig": "files.rigs",
     "recalibrate": "recalibration.recalibrate",
     "reconstruct": "reconstruction.reconstruct",
+    "roll_back": "files.history",
     "triangulate": "geometry.triangulation",
     "verify": "recalibration.verify",
     "write_cloud": "files.ply",
+    "write_in_place": "files.history",
     "write_mesh": "files.ply",
     "write_pattern": "files.patterns",
     "write_png": "files.png",

@@ -70,9 +70,9 @@ class Recalibrate(Command):
         seconds = time.perf_counter() - start
         report = recalibration_report(result, seconds)
         if not isinstance(result, Accepted):
-            return Outcome(report, f"{_described(result)}\nnothing was written", REFUSED_OR_DRIFTED)
+            return Outcome(report, f"{_described(result, rig.unit)}\nnothing was written", REFUSED_OR_DRIFTED)
         written = self._write(result)
-        return Outcome(report | written, f"{_described(result)}\n{written['out']}: written", DONE)
+        return Outcome(report | written, f"{_described(result, rig.unit)}\n{written['out']}: written", DONE)
 
     def _write(self, result: Accepted) -> dict[str, Any]:
         if self.out is not None:
@@ -86,7 +86,7 @@ class Recalibrate(Command):
         return {"out": str(self.rig), "history_id": entry.id}
 
 
-def _described(result: Accepted | Refused) -> str:
+def _described(result: Accepted | Refused, unit: str) -> str:
     """The answer in a few lines."""
     evidence = result.evidence
     lines = [f"{type(result).__name__.lower()}: {result.reason}"]
@@ -99,6 +99,11 @@ def _described(result: Accepted | Refused) -> str:
     if evidence.sigma is not None:
         sigma = evidence.sigma
         lines.append(f"sigma {sigma.rotation_deg:.3f} deg, direction of t {sigma.translation_deg:.3f} deg")
+    if evidence.change is not None and evidence.change.displacement is not None:
+        distance = f"{evidence.working_distance:.4g} {unit}"
+        lines.append(f"points at {distance} were off by {evidence.change.displacement:.2g} {unit}")
+    if evidence.sigma is not None and evidence.sigma.displacement is not None:
+        lines[-1] += f", are now within {evidence.sigma.displacement:.2g} {unit} (sigma)"
     if evidence.scale:
         lines.append(f"scale: {evidence.scale}")
     return "\n".join(lines)

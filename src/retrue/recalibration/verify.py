@@ -114,6 +114,8 @@ def _verify(rig: Rig, captures: Sequence[Correspondences], total: int, options: 
     if cause is not None:
         return verdict("unknown", cause)
     moved = f"{found.rotation_deg:.3f} deg in rotation, {found.translation_deg:.3f} deg in the direction of t"
+    if depth is not None and found.displacement is not None:
+        moved += f", {found.displacement:.2g} {rig.unit} for points at {depth:.3g} {rig.unit}"
     limit = _distance_limit(options.false_alarms)
     if distance > limit:
         return verdict("drifted", f"the capture supports another pose: {moved}, {distance:.1f} sigma; recalibrate")
