@@ -33,6 +33,7 @@ NORMAL = np.array([0.25, 0.1, 1.0])
 BATCH, TRIANGULATED, FITTED = 100_000, 1_000_000, 400
 WRONG = 0.2  # share of the points of a robust fit
 NOISE_PX = 0.3
+MANY = 20  # short turns, so that most are over before the machine does something else
 
 
 def main() -> None:
@@ -60,7 +61,7 @@ def poses(rng: np.random.Generator, rounds: int) -> None:
     if find_spec("poselib") is not None:
         poselib = import_module("poselib")
         single["PoseLib motion_from_homography"] = lambda: poselib.motion_from_homography(H)
-    compare("two poses of one homography", single, rounds, repeats=2000)
+    compare("two poses of one homography", single, MANY * rounds, repeats=100)
     stack = H + rng.normal(0, 0.05, (BATCH, 3, 3))
     batch: dict[str, Job] = {
         "retrue planar_pose_candidates_batch": lambda: planar_pose_candidates_batch(stack),
@@ -80,7 +81,7 @@ def fits(rng: np.random.Generator, rounds: int) -> None:
             "OpenCV findHomography(0)": lambda source=source, target=target: cv2.findHomography(source, target, 0),
             "limit: copy the points": lambda source=source, target=target: (source.copy(), target.copy()),
         }
-        compare(f"homography of {FITTED} {name}", jobs, rounds, repeats=50)
+        compare(f"homography of {FITTED} {name}", jobs, MANY * rounds, repeats=5)
 
 
 def robust_fits(rng: np.random.Generator, rounds: int) -> None:
@@ -112,7 +113,7 @@ def robust_fits(rng: np.random.Generator, rounds: int) -> None:
         options = pycolmap.RANSACOptions()
         options.max_error = threshold
         jobs["pycolmap"] = lambda: pycolmap.estimate_homography_matrix(source, target, options)
-    compare(f"homography of {FITTED} pixels, {WRONG:.0%} wrong", jobs, rounds, repeats=5)
+    compare(f"homography of {FITTED} pixels, {WRONG:.0%} wrong", jobs, 2 * rounds)
 
 
 def triangulations(rng: np.random.Generator, rounds: int) -> None:
