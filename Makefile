@@ -3,7 +3,7 @@ PYTHON ?= python3
 BIN := .venv/bin
 COMPILE := $(BIN)/uv pip compile --quiet --universal --generate-hashes --python-version 3.11 --no-header --no-annotate
 
-.PHONY: test demo format lock clean
+.PHONY: test demo docs examples format lock clean
 
 test: .venv/dev.stamp
 	$(BIN)/ruff check .
@@ -14,6 +14,14 @@ test: .venv/dev.stamp
 
 demo: .venv/run.stamp
 	$(BIN)/retrue demo --out demo-out
+
+# The manual, into build/manual: readable from disk.
+docs: .venv/dev.stamp
+	NO_MKDOCS_2_WARNING=1 $(BIN)/mkdocs build --strict
+
+# Writes what the manual's examples print and draw now; for after a change that alters it.
+examples: .venv/dev.stamp
+	$(BIN)/python -m tests.docs
 
 format: .venv/dev.stamp
 	$(BIN)/ruff check --fix .

@@ -154,7 +154,18 @@ def test_no_reason_is_without_a_case() -> None:
 def test_every_limit_refuses_nan() -> None:
     """A limit that is not a number lets nothing through."""
     points = [capture(WITH_SPHERE)]
-    for name in ("max_noise_px", "max_structure_px", "max_sigma_rotation_deg", "max_change_deg", "max_outliers"):
+    bare = [capture(Scene())]
+    turned = bumped(RIG, [0, 5, 0], [0, 0, 0])
+    for name in ("max_behind", "max_unchecked_change_deg"):
+        assert isinstance(recalibrate(turned, bare, RecalibrateOptions(**{name: np.nan})), Refused), name
+    for name in (
+        "max_noise_px",
+        "max_structure_px",
+        "max_sigma_rotation_deg",
+        "max_change_deg",
+        "max_outliers",
+        "max_contradicting",
+    ):
         assert isinstance(recalibrate(RIG, points, RecalibrateOptions(**{name: np.nan})), Refused), name
 
 

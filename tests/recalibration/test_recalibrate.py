@@ -16,7 +16,7 @@ from retrue.rig import Rig
 from tests.recalibration.scenes import CAMERA, POSE, PROJECTOR, RIG, SIDE_WALL, SPHERE, WALL, Scene, bumped, capture
 
 FAR = bumped(RIG, [10, -12, 8], [5, 15, -10], 1.7)
-NEAR = bumped(RIG, [3, -4, 2], [4, -6, 5])
+NEAR = bumped(RIG, [3, -4, 2], [4, -6, 5], 1.7)
 SMALL = (0.4, 0.7, 0.4, 0.7)  # of the projector picture: both twins have all of it in front
 SCENES = {
     "wall and sphere": Scene(spheres=[SPHERE]),
@@ -123,7 +123,7 @@ def test_a_known_distance_gives_the_scale() -> None:
         ray = np.array([*CAMERA.unproject(pixel), 1.0])
         scene_points.append(ray * distance / (normal @ ray))
     known = KnownDistance(first, second, float(np.linalg.norm(scene_points[0] - scene_points[1])))
-    result = accepted(recalibrate(FAR, [points], RecalibrateOptions(known_distance=known)))
+    result = accepted(recalibrate(NEAR, [points], RecalibrateOptions(known_distance=known)))
     length = np.linalg.norm(result.rig.projector_from_camera.t)
     assert length == pytest.approx(np.linalg.norm(POSE.t), rel=2e-3)
     outside = KnownDistance(np.array([-500.0, 0.0]), second, 1.0)

@@ -12,6 +12,7 @@ from retrue.geometry.planar_pose import PlanarPose, planar_pose_candidates, twin
 from retrue.geometry.robust_homography import local_noise
 from retrue.geometry.transform import direction_angle, rotation_angle
 from retrue.geometry.two_view import FREE, TwoViewPoints, TwoViewPose, planes_of_pose
+from retrue.recalibration.evidence import share_behind
 from retrue.recalibration.fit import CUTOFF, PoseFit, chi_square, evaluate, gather, picture_blocks, refine
 from retrue.recalibration.options import RecalibrateOptions
 from retrue.recalibration.planes import split_planes
@@ -20,6 +21,7 @@ from retrue.recalibration.prepare import Rays
 COMPARED_POINTS = 4000  # enough to tell the twins apart; the chosen one is then refined on all
 GATHERED_POINTS = 1500  # enough to bring a start near
 STARTING_PLANES = 3
+MOSTLY = 0.5
 SAME_POSE = np.radians(0.5)
 PLANARITY_PX = 0.25  # how far a real board or wall is off a plane, at least, in projector pixels
 
@@ -81,6 +83,7 @@ def compare_candidates(rays: Rays, homographies: list[FloatArray], rng: np.rando
                 fits.append(refine(near, points, blocks, iterations=3))
         except DegenerateError:
             continue
+    fits = [fit for fit in fits if share_behind(fit, points) <= MOSTLY] or fits  # a mirrored pose is no rival
     if not fits:
         raise DegenerateError("pose: no plane determines it; turn the plane, or move it further to the side")
     reference = min(fits, key=lambda fit: float(fit.epipolar_noise.variance.mean()))

@@ -18,7 +18,7 @@ from retrue.recalibration.prepare import Rays
 APART = 10.0  # times the noise: nearer to the line where two planes meet, either may claim a point
 ENOUGH_POINTS = 2000
 ALIKE = 0.25  # residuals of two neighbours, apart by less than this share of the larger
-ALIKE_BY_CHANCE = 0.2  # share of independent ones that are; 1/8 where uniform
+ALIKE_BY_CHANCE = 0.25  # share of independent ones that are; 1/8 where uniform
 
 
 def contradicting_share(fit: PoseFit, rays: Rays) -> float:

@@ -34,11 +34,11 @@ from retrue.recalibration.reasons import (
     SurfaceContradicts,
     TwinsUnresolved,
 )
-from retrue.recalibration.result import PoseChange
+from retrue.recalibration.result import Evidence, PoseChange, PoseSigma
 from retrue.recalibration.systematic import FocalChange, focal_change
 
 DEVICES = ("camera", "projector")
-TOO_FAR = 1.6  # times the largest believable move: what the old direction of t rules out
+TOO_FAR = 2.2  # times the largest believable move: what the old direction of t rules out
 
 
 @dataclass(frozen=True, slots=True)
@@ -92,7 +92,7 @@ def supporting_rays(estimate: Estimate, options: RecalibrateOptions) -> Rays:
 def inconsistency(fit: PoseFit, rays: Rays, estimate: Estimate, options: RecalibrateOptions) -> Reason | None:
     """Why the correspondences do not belong to one pose at all; None where they do."""
     share = np.count_nonzero(fit.explained) / len(estimate.rays)
-    level = fit.epipolar_noise.level
+    level = float(np.maximum(fit.epipolar_noise.level, fit.along_noise.level))
     if not (share >= 1 - options.max_outliers and level <= options.max_noise_px):
         return PointsDisagree(share, 1 - options.max_outliers, level, options.max_noise_px)
     behind = share_behind(fit, rays.points)
@@ -121,35 +121,50 @@ def inconsistency(fit: PoseFit, rays: Rays, estimate: Estimate, options: Recalib
     return None
 
 
+def _checks_intrinsics(fit: PoseFit, rays: Rays, options: RecalibrateOptions) -> bool:
+    return all(_is_told(focal_change(rays.points, fit, device), options) for device in DEVICES)
+
+
 def _is_told(found: FocalChange, options: RecalibrateOptions) -> bool:
     return not found.sigma >= options.max_focal_change / 4  # a single plane takes up any focal length
 
 
-def imprecision(fit: PoseFit, options: RecalibrateOptions) -> Imprecise | None:
-    """Whether the points determine the pose too poorly for a linearised covariance to hold."""
-    own = sigma(fit.covariance)  # without the systematic part: what the points themselves determine
-    precise = (
-        own.rotation_deg <= options.max_sigma_rotation_deg and own.translation_deg <= options.max_sigma_translation_deg
-    )
-    return None if precise else Imprecise(own.rotation_deg, own.translation_deg)
+def imprecision(fit: PoseFit, total: PoseSigma | None, options: RecalibrateOptions) -> Imprecise | None:
+    """Whether the points determine the pose too poorly for a linearised covariance to hold.
+
+    The limits are for what the points themselves say; with the systematic part in `total`, it may be twice that.
+    """
+    for known, factor in ((sigma(fit.covariance), 1), (total, 2)):
+        if known is not None and not (
+            known.rotation_deg <= factor * options.max_sigma_rotation_deg
+            and known.translation_deg <= factor * options.max_sigma_translation_deg
+        ):
+            return Imprecise(known.rotation_deg, known.translation_deg)
+    return None
 
 
 def objection(
-    fit: PoseFit, rays: Rays, estimate: Estimate, change: PoseChange | None, options: RecalibrateOptions
+    fit: PoseFit, rays: Rays, estimate: Estimate, evidence: Evidence, options: RecalibrateOptions
 ) -> Reason | None:
     """Why a resolved pose is still not to be trusted; None where nothing speaks against it."""
-    reason = imprecision(fit, options) or inconsistency(fit, rays, estimate, options)
+    change = evidence.change
+    reason = imprecision(fit, evidence.sigma, options) or inconsistency(fit, rays, estimate, options)
     if reason is not None:
         return reason
-    checked = all(_is_told(focal_change(rays.points, fit, device), options) for device in DEVICES)
-    limit = options.max_change_deg if checked else min(options.max_change_deg, options.max_unchecked_change_deg)
-    if change is not None and not (change.rotation_deg <= limit and change.translation_deg <= limit):
-        return ImplausibleChange(change.rotation_deg, change.translation_deg, limit, checked)
+    if change is not None and not _is_within(change, options.max_change_deg):
+        return ImplausibleChange(change.rotation_deg, change.translation_deg, options.max_change_deg, True)
+    limit = options.max_unchecked_change_deg
+    if change is not None and not _is_within(change, limit) and not _checks_intrinsics(fit, rays, options):
+        return ImplausibleChange(change.rotation_deg, change.translation_deg, limit, False)
     if not twin_is_resolved(estimate.comparison, options):
         angle = _angle_to_fold(fit)
         if not angle > options.min_fold_deg:
             return NearFold(angle)
     return None
+
+
+def _is_within(change: PoseChange, limit_deg: float) -> bool:
+    return change.rotation_deg <= limit_deg and change.translation_deg <= limit_deg
 
 
 def _angle_to_fold(fit: PoseFit) -> float:

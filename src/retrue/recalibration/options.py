@@ -93,7 +93,7 @@ class RecalibrateOptions:
     max_contradicting: float = 0.05
     max_interleaved: float = 0.3
     max_change_deg: float = 45.0
-    max_unchecked_change_deg: float = 20.0
+    max_unchecked_change_deg: float = 15.0
     min_fold_deg: float = 2.0
     focal_sigma: float = 2e-3
     principal_point_sigma_px: float = 1.0

@@ -58,7 +58,7 @@ def recalibrate(
         chosen = estimate.comparison.fits[choice.index]
         fit = refine(chosen.pose, rays.points, picture_blocks(rays.points.camera_rays, rays.capture), iterations=2)
         evidence = _evidence(rig, estimate, rays, choice, fit, total, options)
-        cause = objection(fit, rays, estimate, evidence.change, options)
+        cause = objection(fit, rays, estimate, evidence, options)
     except DegenerateError as error:
         return Refused(reason_of(error), Evidence(total))
     if cause is not None:

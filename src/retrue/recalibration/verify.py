@@ -16,7 +16,7 @@ import numpy as np
 from retrue.correspondences import Correspondences
 from retrue.errors import DegenerateError, InputError
 from retrue.geometry.arrays import FloatArray, finite_array
-from retrue.geometry.transform import RigidTransform, vector_from_rotation
+from retrue.geometry.transform import RigidTransform, direction_angle, vector_from_rotation
 from retrue.geometry.two_view import (
     POSE_PARAMETERS,
     TwoViewPose,
@@ -26,7 +26,7 @@ from retrue.geometry.two_view import (
 from retrue.recalibration.estimate import Estimate, estimate_pose
 from retrue.recalibration.evidence import change, rms, sigma_at, working_distance
 from retrue.recalibration.fit import PoseFit, picture_blocks, refine
-from retrue.recalibration.judge import imprecision, inconsistency, supporting_rays, twin_is_resolved
+from retrue.recalibration.judge import Choice, choose_twin, imprecision, inconsistency, supporting_rays
 from retrue.recalibration.options import RecalibrateOptions
 from retrue.recalibration.prepare import Rays
 from retrue.recalibration.reasons import Imprecise, Reason, reason_of
@@ -89,7 +89,8 @@ def verify(rig: Rig, captures: Sequence[Correspondences], options: VerifyOptions
 def _verify(rig: Rig, captures: Sequence[Correspondences], total: int, options: VerifyOptions) -> Verification:
     estimate = estimate_pose(rig, captures, options.estimate)
     rays = supporting_rays(estimate, options.estimate)
-    fit = _supported_fit(rig, estimate, rays, options.estimate)
+    choice = choose_twin(estimate.comparison, rig.projector_from_camera.t, options.estimate)
+    fit = _supported_fit(rig, estimate, choice, rays)
     old = rig.projector_from_camera
     unit_t = old.t / np.linalg.norm(old.t)
     epipolar_rms = rms(epipolar_residuals(old.R, unit_t, rays.points)[fit.explained])
@@ -110,13 +111,15 @@ def _verify(rig: Rig, captures: Sequence[Correspondences], total: int, options: 
         )
 
     # A covariance that is too wide is beyond the reach of its linearisation: no drift can be read from it either.
-    cause = inconsistency(fit, rays, estimate, options.estimate) or imprecision(fit, options.estimate)
+    cause = inconsistency(fit, rays, estimate, options.estimate) or imprecision(fit, uncertainty, options.estimate)
     if cause is not None:
         return verdict("unknown", cause)
     moved = f"{found.rotation_deg:.3f} deg in rotation, {found.translation_deg:.3f} deg in the direction of t"
     if depth is not None and found.displacement is not None:
         moved += f", {found.displacement:.2g} {rig.unit} for points at {depth:.3g} {rig.unit}"
     limit = _distance_limit(options.false_alarms)
+    if distance > limit and isinstance(choice, Reason):  # it may have, or this is the twin of a rig that holds
+        return verdict("unknown", choice)
     if distance > limit:
         return verdict("drifted", f"the capture supports another pose: {moved}, {distance:.1f} sigma; recalibrate")
     if not (
@@ -139,18 +142,14 @@ def pose_difference(pose: TwoViewPose, old: RigidTransform) -> FloatArray:
     return np.concatenate([vector_from_rotation(pose.R @ old.R.T), across])
 
 
-def _supported_fit(rig: Rig, estimate: Estimate, rays: Rays, options: RecalibrateOptions) -> PoseFit:
+def _supported_fit(rig: Rig, estimate: Estimate, choice: Choice | Reason, rays: Rays) -> PoseFit:
     """The pose of the captures on all points: the resolved candidate, else the one nearer to the rig."""
-    comparison = estimate.comparison
-    chosen = comparison.fits[0]
-    if not twin_is_resolved(comparison, options):
-        chosen = min(comparison.fits, key=lambda fit: _distance(fit, rig.projector_from_camera))
+    fits = estimate.comparison.fits
+    old = rig.projector_from_camera.t
+    chosen = (
+        fits[choice.index] if isinstance(choice, Choice) else min(fits, key=lambda f: direction_angle(f.pose.t, old))
+    )
     return refine(chosen.pose, rays.points, picture_blocks(rays.points.camera_rays, rays.capture), iterations=2)
-
-
-def _distance(fit: PoseFit, old: RigidTransform) -> float:
-    difference = pose_difference(fit.pose, old)
-    return float(difference @ np.linalg.solve(fit.covariance, difference))
 
 
 def _rig_covariance(rig: Rig, options: VerifyOptions) -> FloatArray:

@@ -1,0 +1,42 @@
+"""The guides quote messages as the code says them."""
+
+from __future__ import annotations
+
+import ast
+import re
+from collections.abc import Iterator
+
+import pytest
+
+from tests.docs.pages import DOCS, FENCE, ROOT
+
+GAP = "\0"
+QUOTED = re.compile(r"^(?:#+|\||-) +`([^`]+)`", re.MULTILINE)  # headings, first cells and items that are a message
+GUIDES = sorted((DOCS / "guides").glob("*.md"))
+
+
+def strings() -> Iterator[str]:
+    """Every string of the package, what is filled in marked by a gap."""
+    for source in (ROOT / "src").rglob("*.py"):
+        for node in ast.walk(ast.parse(source.read_text(encoding="utf-8"))):
+            if isinstance(node, ast.JoinedStr):
+                yield "".join(part.value if isinstance(part, ast.Constant) else GAP for part in node.values)
+            elif isinstance(node, ast.Constant) and isinstance(node.value, str):
+                yield node.value
+
+
+SAID = list(strings())
+
+
+def says(said: str, message: str) -> bool:
+    """Whether the message, its gaps written `...`, is part of what is said."""
+    parts = [re.escape(part.strip()) for part in message.split("...") if part.strip()]
+    return re.search(r"\s?.*\s?".join(parts), said, re.DOTALL) is not None
+
+
+@pytest.mark.parametrize("guide", GUIDES, ids=lambda page: page.stem)
+def test_messages_are_quoted_as_they_are(guide) -> None:
+    messages = QUOTED.findall(FENCE.sub("", guide.read_text(encoding="utf-8")))
+    assert len(messages) > 10
+    unknown = [message for message in messages if not any(says(said, message) for said in SAID)]
+    assert not unknown
