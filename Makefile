@@ -3,7 +3,7 @@ PYTHON ?= python3
 BIN := .venv/bin
 COMPILE := $(BIN)/uv pip compile --quiet --universal --generate-hashes --python-version 3.11 --no-header --no-annotate
 
-.PHONY: test demo docs examples format lock clean
+.PHONY: test demo docs examples browser format lock clean
 
 test: .venv/dev.stamp
 	$(BIN)/ruff check .
@@ -22,6 +22,9 @@ docs: .venv/dev.stamp
 # Writes what the manual's examples print and draw now; for after a change that alters it.
 examples: .venv/dev.stamp
 	$(BIN)/python -m tests.docs
+
+browser:  # for the tests of the HTML reports, on Debian; without it they are skipped
+	apt-get install --yes chromium
 
 format: .venv/dev.stamp
 	$(BIN)/ruff check --fix .

@@ -29,7 +29,7 @@ class BlockTruth:
 
 @dataclass(frozen=True, slots=True)
 class Score:
-    """What a decoder made of one picture."""
+    """What a decoder made of one picture; `error_over_sigma` is 1 where each point's own sigma is right."""
 
     countable: int
     decoded: int
@@ -37,6 +37,7 @@ class Score:
     wrong: int
     rms_px: float
     worst_px: float
+    error_over_sigma: float
 
     @property
     def recall(self) -> float:
@@ -111,6 +112,7 @@ def score(pattern: ColorGrid, projector_px: FloatArray, truth: BlockTruth, point
     wrong = ~(off <= WRONG_PITCHES) & ~(error <= 0.5 * truth.side_px[cell[:, 1], cell[:, 0]])
     right = counted & ~wrong
     close = error[right]
+    sigma = np.ones(len(error)) if points.camera_sigma_px is None else points.camera_sigma_px
     return Score(
         countable=int(truth.countable.sum()),
         decoded=len(np.unique(cell[right] @ [1, 100_000])),
@@ -118,4 +120,5 @@ def score(pattern: ColorGrid, projector_px: FloatArray, truth: BlockTruth, point
         wrong=int(wrong.sum()),
         rms_px=float(np.sqrt(np.mean(close**2))) if len(close) else float("nan"),
         worst_px=float(close.max()) if len(close) else float("nan"),
+        error_over_sigma=float(np.sqrt(np.mean((close / sigma[right]) ** 2) / 2)) if len(close) else float("nan"),
     )

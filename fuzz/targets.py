@@ -11,8 +11,10 @@ from pathlib import Path
 import cv2
 import numpy as np
 
+from retrue.calibration.board import parse_board
 from retrue.correspondences import Correspondences
 from retrue.errors import RetrueError
+from retrue.files.board_captures import capture_size, read_board_capture
 from retrue.files.history import history_path, read_history, write_in_place
 from retrue.files.images import read_image
 from retrue.files.patterns import read_pattern, write_pattern
@@ -32,6 +34,8 @@ CAMERA = Camera((64, 48), [[70, 0, 32], [0, 71, 24], [0, 0, 1]], [-0.1, 0.01, 0,
 SIMPLE = Camera((64, 48), [[70, 0, 32], [0, 71, 24], [0, 0, 1]])
 RIG = Rig(CAMERA, CAMERA, RigidTransform.from_rotation_vector([0, 0.1, 0], [-1.0, 0, 0]), "mm", {"rms_px": 0.1})
 SIZE = (64, 48)
+GRID = ColorGrid((100, 80), ((255, 0, 0), (0, 255, 0)), 19.0, 12.5, (10.5, 12.0), ((0, 1, 0), (1, 1, 0), (1, 0, 0)))
+BOARDS = (b"chessboard:7x9:75mm", b"charuco:8x6:30mm:22mm:DICT_4X4_50", b"asymmetric-circles:4x11:.5in")
 LONGEST_ERROR = 1000  # characters
 
 
@@ -84,6 +88,20 @@ def _read_history(path: Path) -> None:
     read_history(path)
 
 
+def _read_board(path: Path) -> None:
+    parse_board(path.read_bytes().decode("latin-1"))
+
+
+def _read_board_capture(path: Path) -> None:
+    """The file is the white picture of a capture, beside a dark one."""
+    folder = path.with_suffix(".capture")
+    folder.mkdir(exist_ok=True)
+    path.replace(folder / "white.png")
+    (folder / "grid.png").write_bytes(cv2.imencode(".png", np.zeros((12, 16, 3), np.uint8))[1].tobytes())
+    capture_size(folder)
+    read_board_capture(folder, GRID, parse_board("chessboard:3x3:1mm"))
+
+
 def _image_seeds() -> list[bytes]:
     ramp = np.add.outer(np.arange(12), np.arange(16)).astype(np.uint8)
     pictures = (ramp, np.stack([ramp] * 3, axis=-1), ramp.astype(np.uint16) * 257)
@@ -102,8 +120,7 @@ def _point_seeds() -> list[bytes]:
 
 
 def _pattern_seeds() -> list[bytes]:
-    grid = ColorGrid((100, 80), ((255, 0, 0), (0, 255, 0)), 19.0, 12.5, (10.5, 12.0), ((0, 1), (1, 0)))
-    patterns = (GrayCode((64, 48)), GrayCode((64, 48), step=4, offset=(3, 5)), grid)
+    patterns = (GrayCode((64, 48)), GrayCode((64, 48), step=4, offset=(3, 5)), GRID)
     return [_written(partial(write_pattern, pattern=pattern)) for pattern in patterns]
 
 
@@ -124,6 +141,8 @@ TARGETS = {
             _rig_seeds(),
         ),
         Target("device", lambda path: read_device(path, "camera", size=SIZE), _rig_seeds()),
+        Target("board", _read_board, BOARDS),
+        Target("board-capture", _read_board_capture, _image_seeds()),
         Target("pattern", read_pattern, _pattern_seeds()),
         Target("points", read_points, _point_seeds()),
         Target("image", read_image, _image_seeds()),

@@ -126,7 +126,7 @@ def test_no_board_says_why() -> None:
     for image, spec, why in (
         (np.zeros((400, 400), np.uint8), board, "too dark"),
         (np.full((400, 400), 255, np.uint8), board, "overexposed"),
-        (np.tile(np.arange(256, dtype=np.uint8), (300, 2)), board, "expected a chessboard of 7x6"),
+        (np.tile(np.arange(256, dtype=np.uint8), (300, 2)), board, "expected chessboard:7x6"),
         (picture, parse_board("chessboard:12x3:40mm"), "expected 12x3 inner corners, a grid of"),
     ):
         with pytest.raises(BoardNotFound, match=why):

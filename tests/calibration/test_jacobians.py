@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from retrue.calibration.bundle import moved
-from retrue.calibration.jacobians import Setup, linearise, residuals
+from retrue.calibration.jacobians import OF_VIEW, Setup, linearise, residuals
 from retrue.calibration.observations import CornerObservations, Group, PlaneObservations, SceneObservations
 from retrue.geometry.camera import Camera
 from retrue.geometry.transform import RigidTransform
@@ -21,7 +21,8 @@ def setup() -> Setup:
     projector = Camera((1024, 768), np.array([[1300.0, 0, 500], [0, 1310, 800], [0, 0, 1]]), -lens / 2)
     boards = [RigidTransform.from_rotation_vector([0.3, -0.4, 0.1 * i], [-100, -80, 1000 + 50 * i]) for i in range(2)]
     pose = RigidTransform.from_rotation_vector([-0.2, 0.1, 0.05], [50, -300, 20])
-    return Setup((camera, projector), pose, tuple(boards))
+    bend, shifts = np.array([4e-8, -3e-8, 5e-8]), np.array([[0.02, -0.01], [0.03, 0.02]])
+    return Setup((camera, projector), pose, tuple(boards), bend, shifts)
 
 
 def groups() -> list[Group]:
@@ -41,15 +42,15 @@ def test_derivatives(setup: Setup, index: int) -> None:
     group = groups()[index]
     error, jacobian = linearise(setup, group)
     np.testing.assert_allclose(residuals(setup, group), error, atol=1e-9)
-    scale = np.array([1, 1, 1, 1, 1e-3, 1e-3, 1e-4, 1e-4, 1e-3] * 2 + [1e-4] * 3 + [0.1] * 3) * 1e-2
+    scale = np.array([1, 1, 1, 1, 1e-3, 1e-3, 1e-4, 1e-4, 1e-3] * 2 + [1e-4] * 3 + [0.1] * 3 + [1e-6] * 3) * 1e-2
     for column, step in enumerate(scale):
-        change = np.zeros(24)
+        change = np.zeros(27)
         change[column] = step
-        check(setup, group, change, np.zeros((2, 6)), jacobian[:, :, column], step)
-    for column, step in enumerate([1e-6] * 3 + [1e-3] * 3):
-        boards = np.zeros((2, 6))
+        check(setup, group, change, np.zeros((2, OF_VIEW)), jacobian[:, :, column], step)
+    for column, step in enumerate([1e-6] * 3 + [1e-3] * 5):
+        boards = np.zeros((2, OF_VIEW))
         boards[:, column] = step
-        check(setup, group, np.zeros(24), boards, jacobian[:, :, 24 + column], step)
+        check(setup, group, np.zeros(27), boards, jacobian[:, :, 27 + column], step)
 
 
 def check(setup: Setup, group: Group, change: Any, boards: Any, expected: Any, step: float) -> None:
@@ -64,18 +65,18 @@ def check(setup: Setup, group: Group, change: Any, boards: Any, expected: Any, s
     # out on purpose; the length of the whole change does not depend on it where the residual is small.
     small = PlaneObservations(group.view, group.camera_px, on_target(setup, group), group.sigma)
     _, jacobian = linearise(setup, small)
-    column = int(np.flatnonzero(change)[0]) if change.any() else 24 + int(np.flatnonzero(boards[0])[0])
+    column = int(np.flatnonzero(change)[0]) if change.any() else 27 + int(np.flatnonzero(boards[0])[0])
     found = (residuals(ahead, small) - residuals(behind, small)) / (2 * step)
     np.testing.assert_allclose(found, jacobian[:, :, column], rtol=1e-4, atol=1e-4 * (1 + np.abs(found).max()))
 
 
 def on_target(setup: Setup, group: Any) -> Any:
     """Projector pixels with no residual at all."""
-    from retrue.calibration.jacobians import _board_poses, _on_plane
+    from retrue.calibration.jacobians import _board_poses, _on_board
 
     R, t = _board_poses(setup, group.view)
-    points = _on_plane(setup.devices[0].unproject(group.camera_px), R[:, :, 2], t)[0]
-    return setup.devices[1].project(setup.second_from_first.apply(points))
+    points = _on_board(setup, setup.devices[0].unproject(group.camera_px), R, t)[0]
+    return setup.devices[1].project(setup.second_from_first.apply(points)) + setup.shifts[group.view]
 
 
 def test_a_scene_tells_nothing_along_its_epipolar_lines(setup: Setup) -> None:
@@ -85,11 +86,11 @@ def test_a_scene_tells_nothing_along_its_epipolar_lines(setup: Setup) -> None:
     error, jacobian = linearise(setup, scene)
     np.testing.assert_allclose(error, 0, atol=1e-8)
     assert not jacobian[:, 0].any()
-    assert not jacobian[:, :, 24:].any()  # the board does not matter
+    assert not jacobian[:, :, 24:-2].any()  # the board does not matter
     for column, step in ((0, 1e-2), (11, 1e-2), (4, 1e-5), (13, 1e-5), (18, 1e-6), (22, 1e-3)):
-        change = np.zeros(24)
+        change = np.zeros(27)
         change[column] = step
-        ahead, behind = moved(setup, change, np.zeros((2, 6))), moved(setup, -change, np.zeros((2, 6)))
+        ahead, behind = moved(setup, change, np.zeros((2, OF_VIEW))), moved(setup, -change, np.zeros((2, OF_VIEW)))
         assert ahead is not None
         assert behind is not None
         found = (residuals(ahead, scene) - residuals(behind, scene)) / (2 * step)

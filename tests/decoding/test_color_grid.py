@@ -102,6 +102,28 @@ def test_objects_in_front_give_no_wrong_point():
     assert projector_error.max() < 0.5 * GRID.pitch
 
 
+def test_a_small_face_decodes_from_what_is_left_of_the_code():
+    face = Box(RigidTransform.from_rotation_vector([0.0, 0.1, 0.0], [40, 10, 1150]), (64, 50, 10))
+    truth = picture(Scene([wall(), face]))
+    points = decode_color_grid(GRID, truth.image)
+    projector_error, _ = errors(points, truth)
+    surfaces = truth.surface[tuple(np.round(points.camera_px[:, ::-1]).astype(int).T)]
+    assert 9 <= (surfaces == 1).sum() < 25  # fewer than the windows alone could be sure of
+    assert projector_error.max() < 0.5 * GRID.pitch
+
+
+def test_each_sigma_is_that_of_its_point():
+    scene = Scene([wall(paint=Paint(blob_size=60.0, contrast=0.6, seed=3))])
+    truth = picture(scene)
+    points = decode_color_grid(GRID, truth.image)
+    _, camera_error = errors(points, truth)
+    assert points.camera_sigma_px is not None
+    assert 0.7 < np.sqrt(np.mean((camera_error / points.camera_sigma_px) ** 2) / 2) < 1.4
+    order = np.argsort(points.camera_sigma_px)
+    surest, others = np.split(camera_error[order], [len(order) * 3 // 4])
+    assert np.sqrt(np.mean(others**2)) > 1.5 * np.sqrt(np.mean(surest**2))
+
+
 @pytest.mark.parametrize(
     ("scene", "model"),
     [

@@ -161,7 +161,7 @@ def test_decode_the_picture_that_ships(retrue, tmp_path):
 def test_demo(retrue, tmp_path):
     run = retrue("demo", "--out", tmp_path / "out", "--json")
     assert run.status == 0
-    assert names(tmp_path / "out") == ["cloud.ply", "cloud.png", "mesh.ply", "residuals.png", "rig.json"]
+    assert names(tmp_path / "out") == ["cloud.ply", "cloud.png", "mesh.ply", "report.html", "residuals.png", "rig.json"]
     assert run.json["error_before"]["rotation_deg"] == pytest.approx(5, abs=1e-3)
     assert run.json["error_after"]["rotation_deg"] < 0.05
     assert run.json["error_after"]["translation_deg"] < 0.1

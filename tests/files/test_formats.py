@@ -178,7 +178,7 @@ def test_a_size_that_a_tool_makes_up_is_not_believed(tmp_path: Path) -> None:
     write_rig(tmp_path / "rig.json", make_rig(), "procam-calibration")
     text = (tmp_path / "rig.json").read_text()
     (tmp_path / "rig.json").write_text(text.replace("{", '{"stereo_error": {"rows": 1, "cols": 1, "data": [0.5]},', 1))
-    with pytest.raises(FileError, match="camera_size: procam-calibration does not store it"):
+    with pytest.raises(FileError, match="procam-calibration does not store camera_size"):
         read_device(tmp_path / "rig.json", "camera")
 
 
@@ -190,13 +190,26 @@ def test_a_tool_that_counts_from_one(tmp_path: Path) -> None:
     storage.release()
 
 
-@pytest.mark.parametrize(("missing", "argument"), [("unit", "unit"), ("camera_size", "camera_size")])
-def test_what_a_format_lacks_is_asked_for(missing: str, argument: str, tmp_path: Path) -> None:
+@pytest.mark.parametrize(
+    ("given", "asked"),
+    [
+        ({}, "camera_size, projector_size, unit: .* --camera-size W H --projector-size W H --unit mm"),
+        ({"camera_size": (1280, 1024)}, "projector_size, unit: .* --camera-size 1280 1024 --projector-size W H"),
+        (SIZES, "store unit: .* --camera-size 1280 1024 --projector-size 1024 768 --unit mm"),
+        ({"unit": "in", "camera_size": (1280, 1024)}, "store projector_size: .* --projector-size W H --unit in"),
+    ],
+)
+def test_what_a_format_lacks_is_asked_for_at_once(given: dict[str, Any], asked: str, tmp_path: Path) -> None:
     write_rig(tmp_path / "rig.yml", make_rig(), "scan3d-capture")
-    given = {**SIZES, "unit": "mm"}
-    del given[missing]
-    with pytest.raises(FileError, match=f"{argument}: scan3d-capture does not store"):
+    with pytest.raises(FileError, match=asked):
         read_rig(tmp_path / "rig.yml", **given)
+
+
+@pytest.mark.parametrize("unit", ["", " ", "m\nm", "x" * 41])
+def test_a_unit_that_no_file_could_hold_is_refused(unit: str, tmp_path: Path) -> None:
+    write_rig(tmp_path / "rig.yml", make_rig(), "scan3d-capture")
+    with pytest.raises(InputError, match="unit: expected the name"):
+        read_rig(tmp_path / "rig.yml", **SIZES, unit=unit)
 
 
 def test_arguments_that_contradict_the_file_are_refused(tmp_path: Path) -> None:
@@ -229,6 +242,58 @@ def test_a_fault_is_named(old: str, new: str, message: str, tmp_path: Path) -> N
         read_rig(write(tmp_path / "rig.yaml", OPENCV_4_YAML.replace(old, new)), unit="mm")
     assert message in str(caught.value)
     assert "\n" not in str(caught.value)
+
+
+HOSTILE = [
+    "inf",
+    ".inf",
+    "-Infinity",
+    "nan",
+    ".nan",
+    "1e999",
+    "-5.0",
+    "0.0",
+    '"x"',
+    "9" * 400,
+    "1.0, " * 20_000 + "1.0",
+]
+
+
+@pytest.mark.parametrize("ending", ENDINGS)
+@pytest.mark.parametrize("to", RIG_FORMATS)
+def test_hostile_numbers_are_named_in_one_line(to: str, ending: str, tmp_path: Path) -> None:
+    rig, path = make_rig(), tmp_path / f"rig{ending}"
+    device = rig.projector if to.endswith("-projector") else rig.camera
+    write_rig(path, rig, to)
+    text, f = path.read_text(), float(device.K[0, 0])
+    focal = next(digits for digits in (repr(f), f"{f:.17g}") if digits in text)
+    for value in HOSTILE:
+        path.write_text(text.replace(focal, value))
+        with pytest.raises(FileError, match=r"rig\.\w+: ") as caught:
+            read_device(path, "projector" if to.endswith("-projector") else "camera", size=device.size)
+        assert "\n" not in str(caught.value)
+        assert len(str(caught.value)) < 400 + len(str(path))
+
+
+@pytest.mark.parametrize("ending", ENDINGS)
+@pytest.mark.parametrize("tool", TOOL_FORMATS, ids=lambda tool: tool.name)
+def test_a_mirror_is_no_rotation(tool: ToolFormat, ending: str, tmp_path: Path) -> None:
+    rig, path = make_rig(), tmp_path / f"rig{ending}"
+    write_rig(path, rig, tool.name)
+    text = path.read_text()
+    for number in rig.projector_from_camera.R[0].tolist():  # one row turned round
+        digits = f"{number:.17g}"
+        text = text.replace(digits, digits[1:] if number < 0 else f"-{digits}").replace("--", "")
+    path.write_text(text)
+    with pytest.raises(FileError, match="rotation R"):
+        read_rig(path, **SIZES, unit="mm")
+
+
+def test_two_entries_of_one_name_are_refused_where_they_differ(tmp_path: Path) -> None:
+    text = OPENCV_4_YAML + OPENCV_4_YAML.partition("---\n")[2]
+    assert read_rig(write(tmp_path / "same.yaml", text), unit="mm").camera.size == (2592, 1944)
+    with pytest.raises(FileError, match="cam_K: expected finite numbers, found 'two different entries"):
+        read_rig(write(tmp_path / "other.yaml", text.replace("1.0922506617197882e+03", "1100.0", 1)), unit="mm")
 
 
 def test_entities_are_not_expanded(tmp_path: Path) -> None:

@@ -1,7 +1,7 @@
 """One bundle adjustment over intrinsics, relative pose and board poses.
 
-Levenberg-Marquardt with a robust loss. Each view has six unknowns of its own, which are eliminated (Schur
-complement), so that a step solves one system of at most twenty-four unknowns, however many views there are.
+Levenberg-Marquardt with a robust loss. Each view has eight unknowns of its own, which are eliminated (Schur
+complement), so that a step solves one system of at most twenty-seven unknowns, however many views there are.
 """
 
 from __future__ import annotations
@@ -10,15 +10,16 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from retrue.calibration.jacobians import Setup, linearise, residuals
-from retrue.calibration.observations import CornerObservations, Group
+from retrue.calibration.jacobians import Setup, linearise
+from retrue.calibration.normal_equations import HUBER, Linearised, NormalEquations, shift_precision, size_in_sigmas
+from retrue.calibration.observations import Group
 from retrue.errors import DegenerateError
 from retrue.geometry.arrays import BoolArray, FloatArray
 from retrue.geometry.camera import Camera
 from retrue.geometry.transform import RigidTransform, rotation_from_vector
 
-HUBER = 3.0
-"""Residuals beyond that many sigmas count linearly, not squared: Gaussian ones are hardly touched."""
+SETTLED = 0.02
+"""Fall of chi-square below which a fit has settled: far less than one sigma of anything."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -28,12 +29,12 @@ class Adjusted:
     Attributes
     ----------
     setup : the estimate.
-    active : (globals,) which of the columns before the board's six were free.
+    active : (globals,) which of the columns before those of the view were free.
     scales : of each group (2,), the noise of both coordinates in units of the observations' own sigma.
     errors : of each group, predicted minus measured pixels (N, 2), as `linearise` gives them.
     weights : of each group (N, 2), robust weights; 1 for what fits.
     covariance : (free, free) of the free global parameters.
-    normal : (globals, globals) normal matrix of all global parameters, board poses eliminated.
+    normal : (globals, globals) normal matrix of all global parameters, the views' own eliminated.
     gradient : (globals,) of half the cost, by all global parameters; zero for the free ones.
     """
 
@@ -63,140 +64,62 @@ def adjust(
     """
     if not robust:
         groups = tuple(replace(group, sigma=np.ones(len(group.sigma))) for group in groups)
-    errors = [residuals(setup, group) for group in groups]
-    if not all(np.isfinite(error).all() for error in errors):
+    linearised = _linearised(setup, groups)
+    if not all(np.isfinite(error).all() for error, _ in linearised):
         raise DegenerateError("calibration: the starting point puts part of the board behind a device")
     rounds = 3 if scales is None and robust else 1
     if scales is None:
-        pairs = zip(errors, groups, strict=True)
-        scales = tuple(_robust_scale(error, group) if robust else np.ones(2) for error, group in pairs)
+        pairs = zip(linearised, groups, strict=True)
+        scales = tuple(_robust_scale(error, group) if robust else np.ones(2) for (error, _), group in pairs)
     for _ in range(rounds):
-        setup = _minimise(setup, groups, active, scales, robust)
-        scales = _Systems(setup, groups, active, scales, robust).rescaled()
+        setup, linearised = _minimise(setup, groups, linearised, active, scales, robust)
+        before, scales = scales, NormalEquations(setup, groups, linearised, active, scales, robust).rescaled()
         if not robust:
             common = float(np.sqrt(np.mean(np.concatenate(scales) ** 2)))
             scales = tuple([np.full(2, common) for _ in groups])
-    systems = _Systems(setup, groups, active, scales, robust)
+        if np.allclose(np.concatenate(scales), np.concatenate(before), rtol=0.05):
+            break
+    equations = NormalEquations(setup, groups, linearised, active, scales, robust)
     return Adjusted(
         setup,
         active,
         scales,
-        tuple(systems.errors),
-        tuple(systems.weights),
-        systems.covariance(),
-        *systems.reduced(np.ones_like(active)),
+        tuple(equations.errors),
+        tuple(equations.weights),
+        equations.covariance(),
+        *equations.reduced(np.ones_like(active)),
     )
 
 
-class _Systems:
-    """The normal equations at one point: of each group and view, (globals + 6) square."""
-
-    def __init__(
-        self, setup: Setup, groups: tuple[Group, ...], active: BoolArray, scales: tuple[FloatArray, ...], robust: bool
-    ) -> None:
-        views, columns = len(setup.first_from_board), setup.globals + 6
-        self.active, self.scales = active, scales
-        self.groups = groups
-        self.errors: list[FloatArray] = []
-        self.weights: list[FloatArray] = []
-        self.matrices = np.zeros((len(groups), 2, views, columns, columns))
-        self.vectors = np.zeros((views, columns))
-        for index, (group, scale) in enumerate(zip(groups, scales, strict=True)):
-            error, jacobian = linearise(setup, group)
-            weight = _weights(error, group, scale, robust)
-            self.errors.append(error)
-            self.weights.append(weight)
-            root = np.sqrt(weight) / (group.sigma[:, None] * scale)
-            error, jacobian = error * root, jacobian * root[:, :, None]
-            starts = np.searchsorted(group.view, np.arange(views + 1))
-            for view in range(views):
-                rows = slice(starts[view], starts[view + 1])
-                for axis in (0, 1):
-                    own = jacobian[rows, axis]
-                    self.matrices[index, axis, view] = own.T @ own
-                    self.vectors[view] += own.T @ error[rows, axis]
-
-    @property
-    def total(self) -> FloatArray:
-        """(views, columns, columns) of all groups together."""
-        return np.asarray(self.matrices.sum(axis=(0, 1)), dtype=np.float64)
-
-    def reduced(self, active: BoolArray, damping: float = 0.0) -> tuple[FloatArray, FloatArray]:
-        """Normal matrix and gradient of the global columns, the boards eliminated."""
-        columns = np.flatnonzero(active)
-        total = self.total
-        boards = _damped(total[:, -6:, -6:], damping)
-        across = total[:, :-6, -6:][:, columns]
-        inverse = _inverse(boards) @ across.transpose(0, 2, 1)
-        direct = _damped(total[:, :-6, :-6].sum(axis=0)[np.ix_(columns, columns)], damping)
-        matrix = direct - np.einsum("vij,vjk->ik", across, inverse)
-        vector = self.vectors[:, :-6].sum(axis=0)[columns] - np.einsum("vji,vj->i", inverse, self.vectors[:, -6:])
-        return matrix, vector
-
-    def step(self, damping: float) -> tuple[FloatArray, FloatArray]:
-        """The change of all global columns, and of each board (views, 6)."""
-        change = np.zeros(len(self.active))
-        if self.active.any():
-            matrix, vector = self.reduced(self.active, damping)
-            change[self.active] = -_solve(matrix, vector)
-        total = self.total
-        boards = _damped(total[:, -6:, -6:], damping)
-        right = self.vectors[:, -6:] + np.einsum("vgb,g->vb", total[:, :-6, -6:], change)
-        return change, -(_inverse(boards) @ right[:, :, None])[:, :, 0]
-
-    def covariance(self) -> FloatArray:
-        """Of the active columns."""
-        if not self.active.any():
-            return np.zeros((0, 0))
-        matrix, _ = self.reduced(self.active)
-        return _solve(matrix, np.eye(len(matrix)))
-
-    def rescaled(self) -> tuple[FloatArray, ...]:
-        """The noise of each group from its residuals, freed of what the unknowns absorbed (its leverage)."""
-        columns = np.flatnonzero(self.active)
-        total = self.total
-        board_inverse = _inverse(total[:, -6:, -6:])
-        across = total[:, :-6, -6:][:, columns]
-        of_globals = self.covariance()
-        to_board = -np.einsum("gh,vhb,vbc->vgc", of_globals, across, board_inverse)
-        of_board = board_inverse - np.einsum("vab,vgb,vgc->vac", board_inverse, across, to_board)
-        scales: list[FloatArray] = []
-        for group, error, weight, scale, matrices in zip(
-            self.groups, self.errors, self.weights, self.scales, self.matrices, strict=True
-        ):
-            squares = np.sum(weight * (error / group.sigma[:, None]) ** 2, axis=0)
-            freedom = np.sum(weight * (error != 0), axis=0)
-            for axis in (0, 1):
-                own = matrices[axis]
-                freedom[axis] -= np.einsum("gh,vhg->", of_globals, own[:, :-6, :-6][:, columns][:, :, columns])
-                freedom[axis] -= 2 * np.einsum("vgb,vgb->", to_board, own[:, :-6, -6:][:, columns])
-                freedom[axis] -= np.einsum("vbc,vcb->", of_board, own[:, -6:, -6:])
-            if isinstance(group, CornerObservations):
-                squares, freedom = np.full(2, squares.sum()), np.full(2, freedom.sum())
-            scales.append(np.where(freedom > 1, np.sqrt(squares / np.maximum(freedom, 1)), scale).clip(1e-9))
-        return tuple(scales)
-
-
 def _minimise(
-    setup: Setup, groups: tuple[Group, ...], active: BoolArray, scales: tuple[FloatArray, ...], robust: bool
-) -> Setup:
-    settled = 1e-6 if robust else 1e-12  # of chi-square; in the first case, far less than one sigma of anything
-    damping, cost = 1e-4, _cost(setup, groups, scales, robust)
+    setup: Setup,
+    groups: tuple[Group, ...],
+    linearised: Linearised,
+    active: BoolArray,
+    scales: tuple[FloatArray, ...],
+    robust: bool,
+) -> tuple[Setup, Linearised]:
+    damping, cost = 1e-10, _cost(setup, groups, linearised, scales, robust)
     for _ in range(50):
-        systems = _Systems(setup, groups, active, scales, robust)
+        equations = NormalEquations(setup, groups, linearised, active, scales, robust)
         while damping < 1e12:
-            candidate = moved(setup, *systems.step(damping))
-            new_cost = _cost(candidate, groups, scales, robust) if candidate is not None else np.inf
-            if new_cost < cost and candidate is not None:
-                setup, damping = candidate, max(damping / 10, 1e-12)
-                break
+            if (candidate := moved(setup, *equations.step(damping))) is not None:
+                there = _linearised(candidate, groups)
+                new_cost = _cost(candidate, groups, there, scales, robust)
+                if new_cost < cost:
+                    setup, linearised, damping = candidate, there, max(damping / 10, 1e-12)
+                    break
             damping *= 10
         else:
-            return setup
-        if cost - new_cost < settled * cost:
-            return setup
+            return setup, linearised
+        if cost - new_cost < (SETTLED if robust else 1e-12 * cost):
+            return setup, linearised
         cost = new_cost
-    return setup
+    return setup, linearised
+
+
+def _linearised(setup: Setup, groups: tuple[Group, ...]) -> Linearised:
+    return tuple(linearise(setup, group) for group in groups)
 
 
 def moved(setup: Setup, change: FloatArray, boards: FloatArray) -> Setup | None:
@@ -217,17 +140,19 @@ def moved(setup: Setup, change: FloatArray, boards: FloatArray) -> Setup | None:
     if len(devices) == 2:
         second = _turned(second, change[18:24])
     first_from_board = tuple(_turned(pose, own) for pose, own in zip(setup.first_from_board, boards, strict=True))
-    return Setup(tuple(devices), second, first_from_board)
+    return Setup(tuple(devices), second, first_from_board, setup.bend + change[-3:], setup.shifts + boards[:, 6:])
 
 
 def _turned(pose: RigidTransform, change: FloatArray) -> RigidTransform:
-    return RigidTransform(rotation_from_vector(change[:3]) @ pose.R, pose.t + change[3:])
+    return RigidTransform(rotation_from_vector(change[:3]) @ pose.R, pose.t + change[3:6])
 
 
-def _cost(setup: Setup, groups: tuple[Group, ...], scales: tuple[FloatArray, ...], robust: bool) -> float:
-    total = 0.0
-    for group, scale in zip(groups, scales, strict=True):
-        size = _size(residuals(setup, group), group, scale)
+def _cost(
+    setup: Setup, groups: tuple[Group, ...], linearised: Linearised, scales: tuple[FloatArray, ...], robust: bool
+) -> float:
+    total = float(shift_precision(robust) * np.sum(setup.shifts**2))
+    for group, scale, (error, _) in zip(groups, scales, linearised, strict=True):
+        size = size_in_sigmas(error, group, scale)
         if not np.isfinite(size).all():
             return np.inf
         loss = np.where(size > HUBER, HUBER * (2 * size - HUBER), size**2) if robust else size**2
@@ -235,40 +160,7 @@ def _cost(setup: Setup, groups: tuple[Group, ...], scales: tuple[FloatArray, ...
     return total
 
 
-def _weights(error: FloatArray, group: Group, scale: FloatArray, robust: bool) -> FloatArray:
-    if not robust:
-        return np.ones(error.shape)
-    return np.broadcast_to(HUBER / np.maximum(_size(error, group, scale), HUBER), error.shape)
-
-
-def _size(error: FloatArray, group: Group, scale: FloatArray) -> FloatArray:
-    """Errors in sigmas: of corners as one length (N, 1), of points on the plane along and across apart (N, 2)."""
-    size = error / (group.sigma[:, None] * scale)
-    return np.linalg.norm(size, axis=1, keepdims=True) if isinstance(group, CornerObservations) else np.abs(size)
-
-
 def _robust_scale(error: FloatArray, group: Group) -> FloatArray:
     """The noise of both coordinates, from the median."""
     size = np.abs(error) / group.sigma[:, None]
     return np.maximum(np.median(size, axis=0) / 0.6745, 1e-6) if len(size) else np.ones(2)
-
-
-def _damped(matrix: FloatArray, damping: float) -> FloatArray:
-    return matrix * (1 + damping * np.eye(matrix.shape[-1]))
-
-
-def _inverse(matrices: FloatArray) -> FloatArray:
-    try:
-        return np.asarray(np.linalg.inv(matrices), dtype=np.float64)
-    except np.linalg.LinAlgError as error:
-        raise DegenerateError("calibration: the views do not determine the board's poses") from error
-
-
-def _solve(matrix: FloatArray, right: FloatArray) -> FloatArray:
-    """Solve a normal system, scaled so that pixels and radians weigh alike."""
-    root = np.sqrt(np.maximum(np.diag(matrix), 1e-300))
-    try:
-        scaled = np.linalg.solve(matrix / np.outer(root, root), (right.T / root).T)
-    except np.linalg.LinAlgError as error:
-        raise DegenerateError("calibration: the views do not determine the unknowns") from error
-    return (scaled.T / root).T

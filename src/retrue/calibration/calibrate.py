@@ -5,7 +5,7 @@ see the board -> closed form -> one bundle adjustment -> leave out what does not
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Any, cast
 
@@ -15,15 +15,16 @@ from retrue.calibration.board import Board
 from retrue.calibration.bundle import Adjusted, adjust
 from retrue.calibration.closed_form import first_camera, with_second
 from retrue.calibration.evidence import gather_evidence, rms_px
+from retrue.calibration.fitted_views import fitted_views
 from retrue.calibration.jacobians import Setup
-from retrue.calibration.lens_terms import LensChoice, choose_lens, fit_with_lens
+from retrue.calibration.model_terms import Choice, choose_terms, fit_with_lens, with_honest_covariance
 from retrue.calibration.observations import CornerObservations, View, corner_group, observation_groups
 from retrue.calibration.options import CalibrationOptions
 from retrue.calibration.result import Calibrated, RefusedCalibration
 from retrue.calibration.uncertainty import normal_spread_deg, predicted_error
 from retrue.calibration.views import Capture, LeftOut, Progress, StereoCapture, picture_size, see_views
 from retrue.errors import DegenerateError, InputError
-from retrue.geometry.arrays import FloatArray
+from retrue.geometry.arrays import FloatArray, IntArray
 from retrue.geometry.camera import Camera
 from retrue.rig import Rig
 
@@ -34,7 +35,7 @@ Known = tuple[Camera | None, Camera | None]
 @dataclass(frozen=True, slots=True, eq=False)
 class _Solution:
     fit: Adjusted
-    lenses: tuple[LensChoice, ...]
+    choices: tuple[Choice, ...]
     views: list[View]
     dropped: list[int]
 
@@ -90,7 +91,7 @@ def calibrate_views(
     try:
         solution = _solve(views, left_out, sizes, known, options)
     except DegenerateError as error:
-        reason = f"{error}; capture the board tilted by 30 to 60 degrees, each time another way"
+        reason = f"{error}; is --board the whole board? Tilt it by 30 to 60 degrees, each time another way"
         return RefusedCalibration(reason, {"left_out": _named(left_out)})
     return _judge(solution, left_out, board, (known[0] is not None, known[1] is not None), options)
 
@@ -104,38 +105,34 @@ def _solve(
 ) -> _Solution:
     """The fit, without the views and corners that contradict the rest; those views are added to `left_out`."""
     fixed = (known[0] is not None, known[1] is not None)
-
-    def fitted(views: list[View]) -> Adjusted:
-        setup = start(views, sizes, known)
-        return fit_with_lens(setup, observation_groups(views, dense=False), fixed, ("k1", "k2"))
-
-    fit = fitted(views)
-    while (better := _without_a_bad_view(fit, views, fitted, options)) is not None:
+    fit = fit_with_lens(start(views, sizes, known), observation_groups(views, dense=False), fixed, ("k1",))
+    while (better := _without_a_bad_view(fit, views, options)) is not None:
         fit, views, bad = better
         left_out.append(bad)
-    dropped = [0] * len(views)
-    for dense in (False, options.dense):  # the corners alone are quick, and show the worst
-        scales = None if dense else fit.scales
-        for _ in range(2):
-            fit = adjust(fit.setup, observation_groups(views, dense), fit.active, scales=scales)
-            scales = fit.scales
-            views, counts = _without_outliers(fit, views, options, dense)
-            dropped = [a + b for a, b in zip(dropped, counts, strict=True)]
     groups = observation_groups(views, options.dense)
-    fit, lenses = choose_lens(adjust(fit.setup, groups, fit.active, scales=fit.scales), groups, fixed)
-    return _Solution(fit, lenses, views, dropped)
+    fit = adjust(fit.setup, groups, fit.active)
+    dropped, choices = np.zeros(len(views), dtype=int), tuple[Choice, ...]()
+    for _ in range(2):  # terms first: of a flat board, corners of a bent one look wrong
+        fit, choices = choose_terms(fit, groups, fixed)
+        views, counts = _without_outliers(fit, views, options)
+        dropped += counts
+        groups = observation_groups(views, options.dense)
+        fit = adjust(fit.setup, groups, fit.active, scales=fit.scales)
+    return _Solution(with_honest_covariance(fit, groups, fixed), choices, views, dropped.tolist())
 
 
 def start(views: list[View], sizes: Sizes, known: Known) -> Setup:
     """Closed form for the camera, refined by itself, then closed form for the second device."""
     setup = first_camera(views, sizes[0], known[0])
-    pinhole = np.zeros(9, dtype=bool)
-    pinhole[:5] = known[0] is None
-    return with_second(adjust(setup, (corner_group(views, 0),), pinhole).setup, views, sizes[1], known[1])
+    for columns in ([0, 1, 4], [0, 1, 2, 3, 4]):  # the principal point last: without k1, a lens drives it away
+        active = np.zeros(setup.globals, dtype=bool)
+        active[columns] = known[0] is None
+        setup = adjust(setup, (corner_group(views, 0),), active).setup
+    return with_second(setup, views, sizes[1], known[1])
 
 
 def _without_a_bad_view(
-    fit: Adjusted, views: list[View], fitted: Callable[[list[View]], Adjusted], options: CalibrationOptions
+    fit: Adjusted, views: list[View], options: CalibrationOptions
 ) -> tuple[Adjusted, list[View], LeftOut] | None:
     """The fit without the view that contradicts the others; None where none does.
 
@@ -147,7 +144,7 @@ def _without_a_bad_view(
     for index in map(int, np.argsort(-_suspicion(fit, views))[:2]):
         rest = views[:index] + views[index + 1 :]
         try:
-            without = fitted(rest)
+            without = adjust(fit.setup.without(index), observation_groups(rest, dense=False), fit.active)
         except DegenerateError:
             continue
         pairs = zip(fit.scales, without.scales, strict=True)
@@ -169,12 +166,10 @@ def _suspicion(fit: Adjusted, views: list[View]) -> FloatArray:
     return suspicion
 
 
-def _without_outliers(
-    fit: Adjusted, views: list[View], options: CalibrationOptions, dense: bool
-) -> tuple[list[View], list[int]]:
+def _without_outliers(fit: Adjusted, views: list[View], options: CalibrationOptions) -> tuple[list[View], IntArray]:
     """The views without the corners that miss by too many sigmas, and how many those were."""
     bad = [np.zeros(len(view.board_xy), dtype=bool) for view in views]
-    for error, scale, group in zip(fit.errors, fit.scales, observation_groups(views, dense), strict=True):
+    for error, scale, group in zip(fit.errors, fit.scales, observation_groups(views, options.dense), strict=True):
         if isinstance(group, CornerObservations):
             misses = np.linalg.norm(error / scale, axis=1) / group.sigma > options.corner_limit
             for index, view in enumerate(views):
@@ -186,7 +181,7 @@ def _without_outliers(
         replace(view, pixels=tuple(np.where(own[:, None], np.nan, pixels) for pixels in view.pixels))
         for view, own in zip(views, bad, strict=True)
     ]
-    return trimmed, [int(own.sum()) for own in bad]
+    return trimmed, np.array([own.sum() for own in bad])
 
 
 def _judge(
@@ -194,28 +189,28 @@ def _judge(
 ) -> Calibrated | RefusedCalibration:
     fit, views = solution.fit, solution.views
     error = predicted_error(fit)
-    evidence = gather_evidence(fit, views, left_out, solution.dropped, solution.lenses, fixed, error, board.unit)
-    evidence = _finite(evidence)
+    evidence = gather_evidence(fit, views, left_out, solution.dropped, solution.choices, fixed, error, board.unit)
+    evidence, fitted = _finite(evidence), fitted_views(fit, views)
     angle = normal_spread_deg(fit)
     what_next = "; ".join(evidence["advice"]) or "capture more poses"
     if not all(fixed) and not angle > 5:
-        return RefusedCalibration(f"all boards are parallel within {angle:.1f} degrees; {what_next}", evidence)
+        return RefusedCalibration(f"all boards are parallel within {angle:.1f} degrees; {what_next}", evidence, fitted)
     if not rms_px(fit, views)["all"] <= options.largest_rms_px:
         reason = f"the corners miss by {evidence['rms_px']:.2g} px: is the board as --board says, and flat?"
-        return RefusedCalibration(reason, evidence)
+        return RefusedCalibration(reason, evidence, fitted)
     if not error.relative <= options.largest_error:
         reason = (
             f"these poses leave points uncertain by {error.length:.3g} {board.unit} at {error.distance:.4g} "
             f"{board.unit}; {what_next}"
         )
-        return RefusedCalibration(reason, evidence)
+        return RefusedCalibration(reason, evidence, fitted)
     camera, projector = fit.setup.devices
     rig = Rig(camera, projector, fit.setup.second_from_first, board.unit, evidence)
     reason = (
         f"{len(views)} poses, corners within {evidence['rms_px']:.2f} px RMS, points within {error.length:.2g} "
         f"{board.unit} at {error.distance:.4g} {board.unit}"
     )
-    return Calibrated(rig, reason, evidence)
+    return Calibrated(rig, reason, evidence, fitted)
 
 
 def _too_little(views: list[View], left_out: list[LeftOut], board: Board, known: Known) -> str | None:

@@ -21,6 +21,8 @@ from retrue.geometry.transform import RigidTransform, nearest_rotation
 cv2 = cast(Any, opencv)  # its stubs leave out half of what is used here
 
 Size = tuple[int, int]
+FARTHEST_AXIS = 1.0
+"""Of the picture's size: few poses suggest principal points anywhere, and a fit does not come back from there."""
 IDENTITY = RigidTransform(np.eye(3), np.zeros(3))
 
 
@@ -29,7 +31,7 @@ def first_camera(views: list[View], size: Size, known: Camera | None) -> Setup:
     homographies = [board_homography(view, 0) for view in views]
     candidates = [known] if known else _cameras(homographies, size)
     setups = [
-        Setup((camera,), IDENTITY, poses)
+        Setup.started((camera,), IDENTITY, poses)
         for camera in candidates
         if (poses := _poses(camera, homographies)) is not None
     ]
@@ -51,7 +53,7 @@ def with_second(setup: Setup, views: list[View], size: Size, known: Camera | Non
             continue
         for second_from_board, first_from_board in zip(seconds, setup.first_from_board, strict=True):
             second_from_first = second_from_board @ first_from_board.inverse()
-            candidate = Setup((*setup.devices, camera), second_from_first, setup.first_from_board)
+            candidate = Setup.started((*setup.devices, camera), second_from_first, setup.first_from_board)
             setups.append((candidate, residuals(candidate, group)))
     return _best(setups, "projector")
 
@@ -71,7 +73,9 @@ def _cameras(homographies: list[FloatArray], size: Size) -> list[Camera]:
     """Pinhole cameras that these planes suggest: Zhang's, and with the principal point at the middle."""
     cameras: list[Camera] = []
     for K in (*_zhang(homographies, size), *_focal_only(homographies, size)):
-        if 0.05 * max(size) < min(K[0, 0], K[1, 1]) and max(K[0, 0], K[1, 1]) < 100 * max(size):
+        middle = 0.5 * (np.array(size) - 1)
+        sound = 0.05 * max(size) < min(K[0, 0], K[1, 1]) and max(K[0, 0], K[1, 1]) < 100 * max(size)
+        if sound and (np.abs(K[:2, 2] - middle) < FARTHEST_AXIS * np.array(size)).all():
             cameras.append(Camera(size, K))
     return cameras
 

@@ -15,6 +15,7 @@ from retrue.geometry.arrays import FloatArray, Image
 
 cv2 = cast(Any, opencv)  # its stubs leave out half of what is used here
 
+LARGE_PICTURE = 1000  # pixels: a board in it is also found in half of them
 SMALLEST_PART = 12  # corners of a chessboard that is only partly seen: fewer are as likely clutter
 
 
@@ -50,12 +51,8 @@ def find_board(image: Image, board: Board) -> BoardCorners:
 
 def _find_chessboard(grey: Image, board: Board) -> BoardCorners | None:
     size = (board.columns, board.rows)
-    flags = cv2.CALIB_CB_ADAPTIVE_THRESH | cv2.CALIB_CB_NORMALIZE_IMAGE | cv2.CALIB_CB_FAST_CHECK
-    found, corners = cv2.findChessboardCorners(grey, size, flags=flags)
-    if not found:
-        found, corners = cv2.findChessboardCornersSB(grey, size, flags=cv2.CALIB_CB_NORMALIZE_IMAGE)
-    if found:
-        return BoardCorners(board.points, _refined(grey, _pixels(corners)), True)
+    if (pixels := _whole_grid(grey, size)) is not None:
+        return BoardCorners(board.points, _refined(grey, pixels), True)
     seen = _visible_grid(grey)
     if seen is None or len(seen[0]) < SMALLEST_PART or not _fits(seen[1], size):
         return None
@@ -63,6 +60,20 @@ def _find_chessboard(grey: Image, board: Board) -> BoardCorners | None:
     part = Board(board.kind, columns, rows, board.spacing, board.unit)
     pixels = _refined(grey, pixels)
     return BoardCorners(part.points, pixels, False) if _is_flat(part.points, pixels) else None
+
+
+def _whole_grid(grey: Image, size: tuple[int, int]) -> FloatArray | None:
+    """The corners of the whole chessboard, to a pixel or so; of a large picture, in half its size if that will do."""
+    flags = cv2.CALIB_CB_ADAPTIVE_THRESH | cv2.CALIB_CB_NORMALIZE_IMAGE | cv2.CALIB_CB_FAST_CHECK
+    if max(grey.shape) >= LARGE_PICTURE:
+        half = cv2.resize(grey, None, fx=0.5, fy=0.5, interpolation=cv2.INTER_AREA)
+        found, corners = cv2.findChessboardCorners(half, size, flags=flags)
+        if found:
+            return 2 * _pixels(corners) + 0.5
+    found, corners = cv2.findChessboardCorners(grey, size, flags=flags)
+    if not found:
+        found, corners = cv2.findChessboardCornersSB(grey, size, flags=cv2.CALIB_CB_NORMALIZE_IMAGE)
+    return _pixels(corners) if found else None
 
 
 def _find_charuco(grey: Image, board: Board) -> BoardCorners | None:
@@ -142,7 +153,7 @@ def _why_not(grey: Image, board: Board) -> str:
     if board.kind == "chessboard" and (seen := _visible_grid(grey)) and len(seen[0]) >= SMALLEST_PART:
         columns, rows = seen[1]
         return f"board not found: expected {size} inner corners, a grid of {columns}x{rows} is visible; check --board"
-    return f"board not found: expected a {board.kind} of {size}; is it whole, sharp, evenly lit, with a white margin?"
+    return f"board not found: expected {board.kind}:{size}; is it whole, sharp, evenly lit, with a white margin?"
 
 
 def _grey(image: Image) -> Image:

@@ -9,7 +9,7 @@ import numpy as np
 
 from retrue.calibration.bundle import Adjusted
 from retrue.calibration.jacobians import residuals
-from retrue.calibration.lens_terms import LensChoice
+from retrue.calibration.model_terms import Choice
 from retrue.calibration.observations import View, corner_group
 from retrue.calibration.uncertainty import PredictedError, depth_spread, normal_spread_deg, parameter_sigmas
 from retrue.calibration.views import LeftOut
@@ -31,7 +31,7 @@ def gather_evidence(
     views: list[View],
     left_out: Sequence[LeftOut],
     dropped: Sequence[int],
-    lenses: Sequence[LensChoice],
+    choices: Sequence[Choice],
     fixed: Sequence[bool],
     error: PredictedError,
     unit: str,
@@ -46,7 +46,10 @@ def gather_evidence(
         "projector_rms_px": errors["projector"],
         "views": _views(fit, views, dropped),
         "left_out": [{"name": view.name, "reason": view.reason} for view in left_out],
-        "distortion": {name: _lens(*pair) for name, pair in zip(DEVICES, zip(lenses, fixed, strict=True), strict=True)},
+        "distortion": {
+            name: _lens(*pair) for name, pair in zip(DEVICES, zip(choices, fixed, strict=False), strict=True)
+        },
+        "board": _board(fit, views, choices[-1]),
         "sigma": parameter_sigmas(fit),
         "predicted_error": {"rms": error.length, "at_distance": error.distance, "unit": unit},
         "regions_rms_px": {name: _regions(fit, views, device) for device, name in enumerate(DEVICES)},
@@ -73,7 +76,7 @@ def advise(fit: Adjusted, views: list[View], dropped: Sequence[int], coverage: d
     corners = sum(len(view.board_xy) for view in views)
     if sum(dropped) > 0.02 * corners:
         advice.append(
-            f"use a flatter board: {sum(dropped)} of {corners} corners lie where no flat board of this size has them"
+            f"mount the board flat: {sum(dropped)} of {corners} corners lie where no evenly bent board has them"
         )
     return advice
 
@@ -97,9 +100,20 @@ def _views(fit: Adjusted, views: list[View], dropped: Sequence[int]) -> list[dic
     return reports
 
 
-def _lens(choice: LensChoice, fixed: bool) -> dict[str, Any]:
-    if fixed:
-        return {"kept": [], "why": "known beforehand, held fixed"}
+def _lens(choice: Choice, fixed: bool) -> dict[str, Any]:
+    return {"kept": [], "why": "known beforehand, held fixed"} if fixed else _weighed(choice)
+
+
+def _board(fit: Adjusted, views: list[View], choice: Choice) -> dict[str, Any]:
+    """How far the board is from flat, as far as its bend was kept."""
+    xy = np.concatenate([view.board_xy for view in views])
+    xy = xy - 0.5 * (xy.min(axis=0) + xy.max(axis=0))
+    x, y = xy.T
+    height = np.stack([x * x, x * y, y * y], axis=-1) @ fit.setup.bend
+    return {"out_of_flat": float(np.ptp(height)), **_weighed(choice)}
+
+
+def _weighed(choice: Choice) -> dict[str, Any]:
     gain = {name: round(value, 1) for name, value in choice.gain.items()}
     why = f"a term is kept where chi-square falls by more than {choice.needed:.1f} a coefficient"
     return {"kept": list(choice.kept), "chi_square_gain": gain, "why": why}

@@ -1,12 +1,15 @@
 """Residuals of a calibration and their derivatives, in closed form.
 
-Columns: nine intrinsics a device (`INTRINSICS`), then six of the pose of the second device, then six of the
-board's pose in the view. A pose changes by R <- exp([w]x) R, t <- t + v; its six are (w, v).
+Columns: nine intrinsics a device (`INTRINSICS`), then six of the pose of the second device, then three of the
+board's bend; then, of the view, six of the board's pose and two of the shift of the second device's picture. A pose
+changes by R <- exp([w]x) R, t <- t + v; its six are (w, v). The board is a shallow paraboloid
+z = bend . (x^2, x y, y^2): printed boards bow by some tenths of a millimetre, which a tilted view shows as tenths of
+a pixel. In each capture the second device's picture may be shifted by hundredths of a pixel, all of it alike.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -16,6 +19,9 @@ from retrue.geometry.camera import Camera
 from retrue.geometry.transform import RigidTransform
 
 INTRINSICS = ("fx", "fy", "cx", "cy", "k1", "k2", "p1", "p2", "k3")
+BEND = ("xx", "xy", "yy")
+OF_VIEW = 8
+"""Columns of a view of its own."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -27,20 +33,39 @@ class Setup:
     devices : the camera, and the projector or second camera if there is one.
     second_from_first : pose of the second device.
     first_from_board : of each view.
+    bend : (3,) of the board, the same in all views; one over its unit of length.
+    shifts : (views, 2) of the second device's picture in each view, in pixels.
     """
 
     devices: tuple[Camera, ...]
     second_from_first: RigidTransform
     first_from_board: tuple[RigidTransform, ...]
+    bend: FloatArray
+    shifts: FloatArray
+
+    @classmethod
+    def started(
+        cls,
+        devices: tuple[Camera, ...],
+        second_from_first: RigidTransform,
+        first_from_board: tuple[RigidTransform, ...],
+    ) -> Setup:
+        """With a flat board, and a projector that stood still."""
+        return cls(devices, second_from_first, first_from_board, np.zeros(3), np.zeros((len(first_from_board), 2)))
+
+    def without(self, view: int) -> Setup:
+        """The same, without that view."""
+        poses = self.first_from_board[:view] + self.first_from_board[view + 1 :]
+        return replace(self, first_from_board=poses, shifts=np.delete(self.shifts, view, axis=0))
 
     @property
     def globals(self) -> int:
-        """Number of columns before the board's six."""
-        return 9 if len(self.devices) == 1 else 24
+        """Number of columns before those of the view."""
+        return 12 if len(self.devices) == 1 else 27
 
 
 def linearise(setup: Setup, group: Group) -> tuple[FloatArray, FloatArray]:
-    """Predicted minus measured pixels (N, 2), and their derivatives (N, 2, globals + 6).
+    """Predicted minus measured pixels (N, 2), and their derivatives (N, 2, globals + OF_VIEW).
 
     Of dense points, the two numbers are along and across the epipolar line: a board that is not quite flat shows
     along it only; and a scene of unknown shape tells nothing along it, there they are zero.
@@ -54,66 +79,77 @@ def residuals(setup: Setup, group: Group) -> FloatArray:
     """The first part of `linearise`."""
     R, t = _board_poses(setup, group.view)
     if isinstance(group, CornerObservations):
-        points = np.einsum("nij,nj->ni", R, group.board_points) + t
+        points = np.einsum("nij,nj->ni", R, _bent(setup, group.board_points)[0]) + t
         if group.device == 1:
             points = setup.second_from_first.apply(points)
-        return setup.devices[group.device].project(points) - group.pixels
+        return setup.devices[group.device].project(points) + group.device * setup.shifts[group.view] - group.pixels
     camera, projector = setup.devices
     rays = camera.unproject(group.camera_px)
     known = isinstance(group, PlaneObservations)
-    points = _on_plane(rays, R[:, :, 2], t)[0] if known else triangulated(setup, rays, group.projector_px)
+    points = _on_board(setup, rays, R, t)[0] if known else triangulated(setup, rays, group.projector_px)
     points = setup.second_from_first.apply(points)
-    along = _pixel_by_point(projector, points) @ _by_depth(setup, rays)
-    error = _turned_to_epipolar(along, (projector.project(points) - group.projector_px)[:, :, None])[:, :, 0]
+    along = _pixel_by_point(projector, points) @ setup.second_from_first.R @ _homogeneous(rays)[:, :, None]
+    missed = projector.project(points) + setup.shifts[group.view] - group.projector_px
+    error = _turned_to_epipolar(along, missed[:, :, None])[:, :, 0]
     return error if known else error * [0, 1]
 
 
 def _linearise_corners(setup: Setup, group: CornerObservations) -> tuple[FloatArray, FloatArray]:
     R, t = _board_poses(setup, group.view)
-    turned = np.einsum("nij,nj->ni", R, group.board_points)
-    by_board = np.concatenate([-_skew(turned), np.broadcast_to(np.eye(3), R.shape)], axis=2)
-    return _through_device(setup, group.device, turned + t, by_board, group.pixels)
+    points, by_bend = _bent(setup, group.board_points)
+    turned = np.einsum("nij,nj->ni", R, points)
+    by_bend = R[:, :, 2:] * by_bend[:, None, :]
+    by_board = np.concatenate([by_bend, -_skew(turned), np.broadcast_to(np.eye(3), R.shape)], axis=2)
+    return _through_device(setup, group.device, turned + t, by_board, group.pixels, group.view)[:2]
 
 
 def _linearise_plane(setup: Setup, group: PlaneObservations) -> tuple[FloatArray, FloatArray]:
-    camera = setup.devices[0]
     R, t = _board_poses(setup, group.view)
     normal = R[:, :, 2]
-    rays = camera.unproject(group.camera_px)
-    points, depth, slope = _on_plane(rays, normal, t)
-    ray = np.concatenate([rays, np.ones((len(rays), 1))], axis=1)
+    rays = setup.devices[0].unproject(group.camera_px)
+    points, depth, slope, by_bend = _on_board(setup, rays, R, t)
+    ray = _homogeneous(rays)
     by_turn, by_shift = np.cross(normal, t - points) / slope, normal / slope  # of the depth
-    by_board = ray[:, :, None] * np.concatenate([by_turn, by_shift], axis=1)[:, None, :]
-    residual, jacobian = _through_device(setup, 1, points, by_board, group.projector_px)
-    # The camera's intrinsics move the ray that passes through the pixel, and so the point on the plane.
+    by_board = ray[:, :, None] * np.concatenate([by_bend / slope, by_turn, by_shift], axis=1)[:, None, :]
     by_ray = depth[:, :, None] * (np.eye(3) - ray[:, :, None] * (normal / slope)[:, None, :])[:, :, :2]
-    ray_by_intrinsics = -np.linalg.solve(camera.ray_jacobian(rays), _by_intrinsics(camera, rays))
-    by_point = _pixel_by_point(setup.devices[1], setup.second_from_first.apply(points))
-    jacobian[:, :, :9] = by_point @ setup.second_from_first.R @ by_ray @ ray_by_intrinsics
-    along = by_point @ _by_depth(setup, rays)
-    turned = _turned_to_epipolar(along, np.concatenate([residual[:, :, None], jacobian], axis=2))
-    return turned[:, :, 0], turned[:, :, 1:]
+    return _through_both(setup, group, rays, points, by_ray, by_board)
 
 
 def _linearise_scene(setup: Setup, group: SceneObservations) -> tuple[FloatArray, FloatArray]:
-    camera = setup.devices[0]
-    rays = camera.unproject(group.camera_px)
+    rays = setup.devices[0].unproject(group.camera_px)
     points = triangulated(setup, rays, group.projector_px)
-    still = np.zeros((len(points), 3, 6))
-    residual, jacobian = _through_device(setup, 1, points, still, group.projector_px)
     by_ray = points[:, 2, None, None] * np.eye(3)[:, :2]
+    residual, jacobian = _through_both(setup, group, rays, points, by_ray, np.zeros((len(points), 3, 9)))
+    residual[:, 0] = jacobian[:, 0] = 0
+    return residual, jacobian
+
+
+def _through_both(
+    setup: Setup,
+    group: PlaneObservations | SceneObservations,
+    rays: FloatArray,
+    points: FloatArray,
+    by_ray: FloatArray,
+    by_board: FloatArray,
+) -> tuple[FloatArray, FloatArray]:
+    """Residuals and derivatives along and across the epipolar line, of points (N, 3) on the first device's rays (N, 2).
+
+    by_ray (N, 3, 2): the first device's intrinsics move the ray that passes through the pixel, and so the point.
+    """
+    camera = setup.devices[0]
+    residual, jacobian, by_point = _through_device(setup, 1, points, by_board, group.projector_px, group.view)
     ray_by_intrinsics = -np.linalg.solve(camera.ray_jacobian(rays), _by_intrinsics(camera, rays))
-    by_point = _pixel_by_point(setup.devices[1], setup.second_from_first.apply(points))
-    jacobian[:, :, :9] = by_point @ setup.second_from_first.R @ by_ray @ ray_by_intrinsics
-    along = by_point @ _by_depth(setup, rays)
-    turned = _turned_to_epipolar(along, np.concatenate([residual[:, :, None], jacobian], axis=2))
-    turned[:, 0] = 0
-    return turned[:, :, 0], turned[:, :, 1:]
+    jacobian[:, :, :9] = by_point @ by_ray @ ray_by_intrinsics
+    along = by_point @ _homogeneous(rays)[:, :, None]
+    return (
+        _turned_to_epipolar(along, residual[:, :, None])[:, :, 0],
+        _turned_to_epipolar(along, jacobian),
+    )
 
 
 def triangulated(setup: Setup, rays: FloatArray, projector_px: FloatArray) -> FloatArray:
     """Points (N, 3) on the first device's rays, nearest in angle to where the second sees them."""
-    ray = np.concatenate([rays, np.ones((len(rays), 1))], axis=1)
+    ray = _homogeneous(rays)
     seen = setup.devices[1].unproject(projector_px)
     turned, t = ray @ setup.second_from_first.R.T, setup.second_from_first.t
     # (depth * turned + t) x seen = 0: two equations in the depth
@@ -122,30 +158,30 @@ def triangulated(setup: Setup, rays: FloatArray, projector_px: FloatArray) -> Fl
 
 
 def _through_device(
-    setup: Setup, device: int, points: FloatArray, by_board: FloatArray, measured: FloatArray
-) -> tuple[FloatArray, FloatArray]:
-    """Residuals and derivatives of `points` (N, 3) of the first frame, which move with the board by `by_board`."""
-    camera = setup.devices[device]
-    jacobian = np.zeros((len(points), 2, setup.globals + 6))
-    turned = points
-    if device == 1:
-        turned = points @ setup.second_from_first.R.T
-        points = turned + setup.second_from_first.t
-        by_board = setup.second_from_first.R @ by_board
-    by_point = _pixel_by_point(camera, points)
-    rays = points[:, :2] / points[:, 2:]
+    setup: Setup, device: int, points: FloatArray, by_board: FloatArray, measured: FloatArray, view: IntArray
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Residuals and derivatives of `points` (N, 3) of the first frame, also by the point itself (N, 2, 3).
+
+    by_board (N, 3, 9): how the points move with the bend and the board's pose.
+    """
+    camera, second = setup.devices[device], setup.second_from_first
+    jacobian = np.zeros((len(points), 2, setup.globals + OF_VIEW))
+    turned = points @ second.R.T
+    seen = turned + second.t if device == 1 else points
+    rays = seen[:, :2] / seen[:, 2:]
+    by_point = _pixel_by_point(camera, seen)
     jacobian[:, :, 9 * device : 9 * device + 9] = _by_intrinsics(camera, rays)
     if device == 1:
         jacobian[:, :, 18:21] = -by_point @ _skew(turned)
         jacobian[:, :, 21:24] = by_point
-    jacobian[:, :, -6:] = by_point @ by_board
-    return camera.project(points) - measured, jacobian
+        jacobian[:, 0, -2] = jacobian[:, 1, -1] = 1
+        by_point = by_point @ second.R
+    jacobian[:, :, -11:-2] = by_point @ by_board
+    return camera.project(seen) + device * setup.shifts[view] - measured, jacobian, by_point
 
 
-def _by_depth(setup: Setup, rays: FloatArray) -> FloatArray:
-    """(N, 3, 1) where a point moves, in the second frame, as its depth along the first device's ray grows."""
-    ray = np.concatenate([rays, np.ones((len(rays), 1))], axis=1)
-    return (ray @ setup.second_from_first.R.T)[:, :, None]
+def _homogeneous(rays: FloatArray) -> FloatArray:
+    return np.concatenate([rays, np.ones((len(rays), 1))], axis=1)
 
 
 def _turned_to_epipolar(along: FloatArray, columns: FloatArray) -> FloatArray:
@@ -187,12 +223,29 @@ def _board_poses(setup: Setup, view: IntArray) -> tuple[FloatArray, FloatArray]:
     return R[view], t[view]
 
 
-def _on_plane(rays: FloatArray, normal: FloatArray, t: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Where rays (N, 2) meet the planes through t (N, 3): points (N, 3), depths (N, 1), normal . ray (N, 1)."""
-    ray = np.concatenate([rays, np.ones((len(rays), 1))], axis=1)
+def _bent(setup: Setup, board_points: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Points (N, 3) of the board as it is, from where they lie on it; and the derivative of their z by the bend."""
+    x, y = board_points[:, 0], board_points[:, 1]
+    by_bend = np.stack([x * x, x * y, y * y], axis=-1)
+    return np.column_stack([x, y, by_bend @ setup.bend]), by_bend
+
+
+def _on_board(
+    setup: Setup, rays: FloatArray, R: FloatArray, t: FloatArray
+) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
+    """Where rays (N, 2) meet the boards at R (N, 3, 3), t (N, 3).
+
+    Points (N, 3), depths (N, 1), normal . ray (N, 1), and the derivative (N, 3) of the board's z there by its bend.
+    To first order in the bend: the board's z is that where the ray meets its plane.
+    """
+    ray = _homogeneous(rays)
+    normal = R[:, :, 2]
     slope = np.sum(normal * ray, axis=1, keepdims=True)
-    depth = np.sum(normal * t, axis=1, keepdims=True) / slope
-    return ray * depth, depth, slope
+    level = np.sum(normal * t, axis=1, keepdims=True)
+    flat = np.einsum("nji,nj->ni", R, ray * (level / slope) - t)
+    bent, by_bend = _bent(setup, flat)
+    depth = (level + bent[:, 2:]) / slope
+    return ray * depth, depth, slope, by_bend
 
 
 def _skew(v: FloatArray) -> FloatArray:

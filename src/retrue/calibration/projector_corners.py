@@ -24,7 +24,7 @@ cv2 = cast(Any, opencv)  # its stubs leave out half of what is used here
 FEWEST_IN_CELL = 8
 LARGEST_CELL = 4  # squares on a side
 WORST_CORNER_PX = 0.5  # sigma beyond which a corner tells nothing that its neighbours do not tell better
-MOST_POINTS = 80_000  # of a view; more cost time and tell nothing new
+MOST_POINTS = 25_000  # of a view: neighbours share stripe edges, so that more tell nothing new
 MODEL_PX = 0.01  # what an affine map of a cell, and the decoder's own bias, may leave beyond the scatter
 KEPT_SCENE_POINTS = 120  # of a view, around the board
 KEPT_DENSE_POINTS = 4000  # of a view, to judge by
@@ -56,10 +56,12 @@ class ProjectorFit:
 def fit_projector_corners(corners: BoardCorners, points: Correspondences, board: Board) -> ProjectorFit:
     """The projector's view of a board that the camera sees at `corners`. Raises `InputError` where it has none."""
     board_from_camera, _ = cv2.findHomography(corners.pixels, corners.board_xy)
-    thin = slice(None, None, max(1, len(points) // MOST_POINTS))
+    thin = _every_nth(points.camera_px)
     camera_px, projector_px = points.camera_px[thin], points.projector_px[thin]
-    near = _on_board(camera_px, corners, board_from_camera, 3, board.spacing)  # with its margin
-    around = np.setdiff1d(np.arange(len(camera_px)), near)
+    near = _on_board(camera_px, corners, board_from_camera, 1.5, board.spacing)  # with its margin
+    beyond = np.ones(len(camera_px), dtype=bool)
+    beyond[near] = False
+    around = np.flatnonzero(beyond)
     around = around[:: max(1, len(around) // KEPT_SCENE_POINTS)]
     scene_camera_px, scene_projector_px = camera_px[around], projector_px[around]
     rows = near[_on_board(camera_px[near], corners, board_from_camera, 1, board.spacing)]
@@ -155,8 +157,14 @@ class _LocalFits:
         return np.where(known[:, None], value, np.nan), np.where(known, sigma, np.nan)
 
 
+def _every_nth(camera_px: FloatArray) -> IntArray:
+    """Points of every n-th row and column, so that about `MOST_POINTS` remain."""
+    every = int(np.ceil(np.sqrt(max(len(camera_px), 1) / MOST_POINTS)))
+    return np.flatnonzero(((camera_px + 0.5).astype(np.int32) % every == 0).all(axis=1))
+
+
 def _on_board(
-    camera_px: FloatArray, corners: BoardCorners, board_from_camera: FloatArray, squares: int, spacing: float
+    camera_px: FloatArray, corners: BoardCorners, board_from_camera: FloatArray, squares: float, spacing: float
 ) -> IntArray:
     """Rows of points that lie within the board's corners, or up to that many squares beyond."""
     low, high = corners.board_xy.min(axis=0) - squares * spacing, corners.board_xy.max(axis=0) + squares * spacing
@@ -195,7 +203,8 @@ class _SmoothMap:
         powers = bare._powers(camera_px)
         cubic = bare.cubic
         for _ in range(3):
-            cubic = np.asarray(np.linalg.lstsq(powers[inlier], rest[inlier], rcond=None)[0], dtype=np.float64)
+            basis = powers[inlier]
+            cubic = np.asarray(np.linalg.lstsq(basis.T @ basis, basis.T @ rest[inlier])[0], dtype=np.float64)
             error = np.linalg.norm(rest - powers @ cubic, axis=1)
             inlier = error <= 4 * max(float(np.median(error)), 1e-9)
         return cls(homography, middle, spread, cubic), share

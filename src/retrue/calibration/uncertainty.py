@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from retrue.calibration.bundle import Adjusted, moved
-from retrue.calibration.jacobians import INTRINSICS, triangulated
+from retrue.calibration.jacobians import INTRINSICS, OF_VIEW, triangulated
 from retrue.geometry.arrays import FloatArray
 
 
@@ -52,7 +52,7 @@ def predicted_error(fit: Adjusted) -> PredictedError:
     setup = fit.setup
     camera, projector = setup.devices
     distance = float(np.median([pose.t[2] for pose in setup.first_from_board]))
-    x, y = np.meshgrid(*(np.linspace(0.05, 0.95, 9) * (side - 1) for side in camera.size))
+    x, y = np.meshgrid(*(np.linspace(0.05, 0.95, 7) * (side - 1) for side in camera.size))
     camera_px = np.stack([x.ravel(), y.ravel()], axis=-1)
     rays = camera.unproject(camera_px)
     points = np.concatenate([rays, np.ones((len(rays), 1))], axis=1) * distance
@@ -62,7 +62,7 @@ def predicted_error(fit: Adjusted) -> PredictedError:
         return PredictedError(float("nan"), distance)
     camera_px, projector_px = camera_px[both], projector_px[both]
     squares = np.zeros(len(camera_px))
-    still = np.zeros((len(setup.first_from_board), 6))
+    still = np.zeros((len(setup.first_from_board), OF_VIEW))
     values, vectors = np.linalg.eigh(fit.covariance)
     for value, vector in zip(values, vectors.T, strict=True):
         change = np.zeros(len(fit.active))

@@ -22,11 +22,12 @@ Progress = Callable[[str], None]
 
 @dataclass(frozen=True, slots=True, eq=False)
 class BoardCapture:
-    """One pose of the board, lit white, and the dense code of the same moment."""
+    """One pose of the board, lit white, and the dense code of the same moment; `corners` where found already."""
 
     name: str
     white: Image
     points: Correspondences
+    corners: BoardCorners | None = None
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -63,7 +64,8 @@ def see_views(captures: Sequence[Capture], board: Board, progress: Progress) -> 
         try:
             if isinstance(capture, StereoCapture):
                 return _see_stereo(capture, board)
-            return projected_view(capture.name, find_board(capture.white, board), capture.points, board)
+            corners = capture.corners or find_board(capture.white, board)
+            return projected_view(capture.name, corners, capture.points, board)
         except InputError as error:
             return LeftOut(capture.name, str(error))
 

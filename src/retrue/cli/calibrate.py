@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-import sys
 import time
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 from tyro.conf import OmitArgPrefixes, arg
 
@@ -16,15 +15,22 @@ from retrue.cli.command import (
     DONE,
     REFUSED_OR_DRIFTED,
     CapturePaths,
-    Command,
     Outcome,
-    log,
+    ReportingCommand,
     require_writable,
 )
+from retrue.cli.terminal import terminal
+
+if TYPE_CHECKING:
+    from retrue.calibration.board import Board
+    from retrue.calibration.result import Calibrated, RefusedCalibration
+    from retrue.calibration.views import BoardCapture
+    from retrue.patterns.pattern import Pattern
+    from retrue.report.page import Page
 
 
 @dataclass(frozen=True, kw_only=True)
-class Calibrate(Command):
+class Calibrate(ReportingCommand):
     """Find the intrinsics of both devices and the pose between them, from captures of a printed board.
 
     Attributes
@@ -34,7 +40,7 @@ class Calibrate(Command):
     pattern
         What the projector showed, JSON.
     board
-        What is printed: chessboard:7x9:75mm (inner corners), charuco:5x7:30mm:22mm, circles:..., acircles:...
+        What is printed: chessboard:7x9:75mm (inner corners), charuco:5x7:30mm:22mm, circles:..., asymmetric-circles:...
     out
         The rig file to write. Nothing is written when the answer is refused.
     camera
@@ -57,25 +63,24 @@ class Calibrate(Command):
         from retrue.calibration.board import parse_board
         from retrue.calibration.calibrate import calibrate
         from retrue.calibration.result import Calibrated
-        from retrue.calibration.views import Capture
         from retrue.cli.json_output import plain
         from retrue.errors import InputError
-        from retrue.files.board_captures import read_board_capture
+        from retrue.files.board_captures import capture_size, read_board_captures
         from retrue.files.patterns import read_pattern
         from retrue.files.rigs import read_device, write_rig
 
-        require_writable(self.out)
+        require_writable(self.out, self.report)
         if not self.captures:
             raise InputError("expected at least one CAPTURE folder, found none")
         board = parse_board(self.board)
         pattern = read_pattern(self.pattern)
-        camera = None if self.camera is None else read_device(self.camera, "camera")
-        projector = None if self.projector is None else read_device(self.projector, "projector")
+        camera = projector = None
+        if self.camera is not None:
+            camera = read_device(self.camera, "camera", size=capture_size(self.captures[0]))
+        if self.projector is not None:
+            projector = read_device(self.projector, "projector", size=pattern.projector_size)
         start = time.perf_counter()
-        captures: list[Capture] = []
-        for number, path in enumerate(self.captures, 1):
-            progress(f"reading {path.name}, {number} of {len(self.captures)}")
-            captures.append(read_board_capture(path, pattern))
+        captures = read_board_captures(self.captures, pattern, board, terminal.status)
         result = calibrate(
             captures,
             board,
@@ -83,7 +88,7 @@ class Calibrate(Command):
             self.limits,
             camera=camera,
             projector=projector,
-            progress=progress,
+            progress=terminal.status,
         )
         seconds = time.perf_counter() - start
         accepted = isinstance(result, Calibrated)
@@ -94,16 +99,20 @@ class Calibrate(Command):
             "seconds": seconds,
         }
         text = "\n".join([f"{report['verdict']}: {result.reason}", *_described(result.evidence)])
+        page = None if self.report is None else (self.report, self._page(result, captures, board, pattern))
         if not isinstance(result, Calibrated):
-            return Outcome(report, f"{text}\nnothing was written", REFUSED_OR_DRIFTED)
+            return Outcome(report, f"{text}\nnothing was written", REFUSED_OR_DRIFTED, page)
         write_rig(self.out, result.rig)
-        return Outcome(report, f"{text}\n{self.out}: written", DONE)
+        return Outcome(report, f"{text}\n{self.out}: written", DONE, page)
 
+    def _page(
+        self, result: Calibrated | RefusedCalibration, captures: list[BoardCapture], board: Board, pattern: Pattern
+    ) -> Page:
+        from retrue.calibration.views import picture_size
+        from retrue.report.calibration_page import calibration_page
 
-def progress(message: str) -> None:
-    """What is being done, only where somebody watches."""
-    if sys.stderr.isatty():
-        log(message)
+        sizes = {"camera": picture_size(captures[0].white), "projector": pattern.projector_size}
+        return calibration_page(result, sizes, board.unit, out=str(self.out))
 
 
 def _described(evidence: Mapping[str, Any]) -> list[str]:

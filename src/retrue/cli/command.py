@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import os
-import sys
 from abc import ABC, abstractmethod
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -12,10 +11,12 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 from tyro.conf import Positional, arg
 
+from retrue.cli.terminal import terminal
 from retrue.errors import FileError, InputError
 
 if TYPE_CHECKING:
     from retrue.correspondences import Correspondences
+    from retrue.report.page import Page
 
 RigPath = Positional[Annotated[Path, arg(metavar="RIG")]]
 CapturePath = Positional[Annotated[Path, arg(metavar="CAPTURE")]]
@@ -39,11 +40,14 @@ class Outcome:
         The same for people.
     exit_status
         `DONE` or `REFUSED_OR_DRIFTED`.
+    page
+        A page about it, and where to write that.
     """
 
     report: Mapping[str, Any]
     text: str
     exit_status: int = DONE
+    page: tuple[Path, Page] | None = None
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -54,18 +58,37 @@ class Command(ABC):
     ----------
     json
         Print one JSON object to stdout and nothing else.
+    quiet
+        Say nothing but what is wrong; the exit status tells the rest.
+    verbose
+        Say what is being done, and when.
     """
 
     json: bool = False
+    quiet: bool = False
+    verbose: bool = False
 
     @abstractmethod
     def run(self) -> Outcome:
         """Do it; a `RetrueError` means that what was handed in cannot be used."""
 
 
+@dataclass(frozen=True, kw_only=True)
+class ReportingCommand(Command):
+    """A command that can show what it saw and found.
+
+    Attributes
+    ----------
+    report
+        A page to write, HTML, one file that needs no network: pictures, the scene in 3D, tables, evidence.
+    """
+
+    report: Annotated[Path | None, arg(metavar="PAGE.html")] = None
+
+
 def log(message: str) -> None:
-    """Progress, out of the way of what a program may read from stdout."""
-    print(message, file=sys.stderr, flush=True)
+    """What was found on the way, out of the way of what a program may read from stdout."""
+    terminal.note(message)
 
 
 def require_writable(*paths: Path | None) -> None:
@@ -99,7 +122,10 @@ def read_captures(captures: Sequence[Path], pattern: Path | None) -> list[Corres
         raise InputError("expected at least one CAPTURE after the rig, found none")
     spec = None if pattern is None else read_pattern(pattern)
     points: list[Correspondences] = []
-    for capture in captures:
+    show = terminal.progress("decoding captures")
+    for done, capture in enumerate(captures):
+        if len(captures) > 1:
+            show(done, len(captures))
         points.append(read_capture(capture, spec))
         log(f"{capture}: {len(points[-1])} correspondences")
     return points

@@ -3,28 +3,30 @@
 from __future__ import annotations
 
 import time
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from importlib.resources import as_file, files
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from retrue.cli.command import DONE, REFUSED_OR_DRIFTED, Command, Outcome, log, made_folder
+from retrue.cli.command import DONE, REFUSED_OR_DRIFTED, Outcome, ReportingCommand, log, made_folder, require_writable
 
 if TYPE_CHECKING:
     from retrue.correspondences import Correspondences
     from retrue.geometry.arrays import Image
     from retrue.geometry.transform import RigidTransform
+    from retrue.recalibration.result import Accepted, Refused
+    from retrue.report.page import Page
     from retrue.rig import Rig
 
 
 @dataclass(frozen=True, kw_only=True)
-class Demo(Command):
+class Demo(ReportingCommand):
     """Do everything once, on a picture that ships with the package.
 
     Attributes
     ----------
     out
-        Folder for the new rig, the cloud, the mesh and pictures; made where it is not there.
+        Folder for the new rig, the cloud, the mesh, pictures and report.html; made where it is not there.
     """
 
     out: Path = Path("demo-out")
@@ -38,6 +40,7 @@ class Demo(Command):
         from retrue.recalibration.result import Accepted
 
         folder = made_folder(self.out)
+        require_writable(self.report)
         with as_file(files("retrue") / "demo_data") as data:
             image, pattern = read_image(data / "scene.jpg"), read_pattern(data / "pattern.json")
             before, true = read_rig(data / "rig_before.json"), read_rig(data / "rig_true.json")
@@ -54,14 +57,36 @@ class Demo(Command):
             "decode_seconds": decoded - start,
             "recalibrate_seconds": recalibrated - decoded,
         }
+        page = (self.report or folder / "report.html", _page(before, true, image, points, result))
         if not isinstance(result, Accepted):
-            return Outcome(report, f"refused: {result.reason}", REFUSED_OR_DRIFTED)
+            return Outcome(report, f"refused: {result.reason}", REFUSED_OR_DRIFTED, page)
         report |= {
             "error_before": _distance(before.projector_from_camera, true.projector_from_camera),
             "error_after": _distance(result.rig.projector_from_camera, true.projector_from_camera),
             **_reconstruct(folder, image, points, before, result.rig),
         }
-        return Outcome(report, _story(folder, report), DONE)
+        return Outcome(report, _story(folder, report), DONE, page)
+
+
+def _page(before: Rig, true: Rig, image: Image, points: Correspondences, result: Accepted | Refused) -> Page:
+    """The page of the recalibration, and how far from the truth it is."""
+    from retrue.recalibration.result import Accepted
+    from retrue.report.lengths import degrees
+    from retrue.report.page import Section, Table
+    from retrue.report.recalibration_page import recalibration_page
+    from retrue.report.seen import SeenCapture
+
+    page = recalibration_page(before, [SeenCapture("scene.jpg", points, image)], result)
+    rigs = {"before": before, "after": result.rig} if isinstance(result, Accepted) else {"before": before}
+    errors = {name: _distance(rig.projector_from_camera, true.projector_from_camera) for name, rig in rigs.items()}
+    table = Table(
+        ("", "rotation", "direction of t"),
+        tuple(
+            (name, degrees(error["rotation_deg"]), degrees(error["translation_deg"])) for name, error in errors.items()
+        ),
+    )
+    truth = Section("Distance from the truth", "The picture is a rendering, so the true pose is known.", (table,))
+    return replace(page, job="demo", sections=(*page.sections, truth))
 
 
 def _reconstruct(folder: Path, image: Image, points: Correspondences, before: Rig, after: Rig) -> dict[str, Any]:
@@ -120,4 +145,4 @@ Distance from the true pose, rotation and direction of t:
   {before["rotation_deg"]:.2f} deg and {before["translation_deg"]:.2f} deg before,
   {after["rotation_deg"]:.3f} deg and {after["translation_deg"]:.3f} deg after.
 Reconstructed {report["points"]} points and {report["faces"]} faces.
-Look at {folder}/: cloud.ply, mesh.ply, residuals.png, cloud.png; rig.json is the new rig."""
+Open {folder}/report.html in a browser to see it all; cloud.ply, mesh.ply and pictures lie beside it."""

@@ -45,7 +45,7 @@ class Diff(Command):
             f"rotation        {difference.rotation_deg:.4f} deg",
             f"direction of t  {difference.translation_deg:.4f} deg",
             f"t               {difference.translation:.4g} {unit}",
-            f"|t|             {difference.length:+.4g} {unit}",
+            f"|t|             {round(difference.length, 9):+.4g} {unit}",
         ]
         if distance is None:
             lines.append("give --working-distance for what that does to a point there")

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import sys
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal
@@ -10,6 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 from tyro.conf import Positional, arg
 
 from retrue.cli.command import Command, Outcome, made_folder, read_captures
+from retrue.cli.terminal import terminal
 from retrue.errors import InputError
 
 if TYPE_CHECKING:
@@ -72,7 +72,7 @@ class Experiment(Command):
         for kind, content in files.items():
             with replaced_file(paths[kind]) as stream:
                 stream.write(content)
-        text = "\n".join([study.table.text(), *study.remarks, f"written to {folder}"])
+        text = "\n".join([study.table.text(width=80), *study.remarks, f"written to {folder}"])
         report = {"experiment": study.name, "files": [str(path) for path in paths.values()], "remarks": study.remarks}
         return Outcome(report, text)
 
@@ -88,7 +88,7 @@ class Experiment(Command):
         if self.ours_only:
             count["ours_only"] = True
         run = {"ambiguity": ambiguity, "noise": noise, "peers": peers, "twin": twin}[self.name]
-        return run(seed=self.seed, workers=self.workers, progress=_progress(self.name), **count)
+        return run(seed=self.seed, workers=self.workers, progress=terminal.progress(self.name), **count)
 
     def _real(self, count: dict[str, Any]) -> Study:
         from retrue.experiments.real import real
@@ -99,15 +99,3 @@ class Experiment(Command):
         captures = read_captures(self.captures, self.pattern)
         names = [path.name for path in self.captures]
         return real(read_rig(self.rig), dict(zip(names, captures, strict=True)), seed=self.seed, **count)
-
-
-def _progress(name: str) -> Any:
-    """A line that is written over; none where stderr is no terminal."""
-    if not sys.stderr.isatty():
-        return None
-
-    def show(done: int, total: int) -> None:
-        end = "\n" if done == total else ""
-        print(f"\r{name}: {100 * done // total} %", end=end, file=sys.stderr, flush=True)
-
-    return show

@@ -2,52 +2,19 @@
 
 from __future__ import annotations
 
-import contextlib
-import io
 import json
-import re
+import os
 import sys
 from collections.abc import Sequence
-from typing import Annotated, Any, cast
+from pathlib import Path
 
-import tyro
-
-from retrue.cli.calibrate import Calibrate
-from retrue.cli.command import BAD_INPUT, Command
-from retrue.cli.convert import Convert
-from retrue.cli.decode import Decode
-from retrue.cli.demo import Demo
-from retrue.cli.diff import Diff
-from retrue.cli.experiment import Experiment
-from retrue.cli.history import History
-from retrue.cli.known_distance import registry
-from retrue.cli.pattern import Pattern
-from retrue.cli.recalibrate import Recalibrate
-from retrue.cli.reconstruct import Reconstruct
-from retrue.cli.rollback import Rollback
-from retrue.cli.simulate import Simulate
-from retrue.cli.verify import Verify
-from retrue.cli.watch import Watch
+from retrue.cli.command import BAD_INPUT, DONE, Outcome
+from retrue.cli.parsing import parse
+from retrue.cli.terminal import GREEN, RED, YELLOW, colored, terminal
 from retrue.errors import RetrueError
 
-Commands = (
-    Annotated[Demo, tyro.conf.subcommand("demo")]
-    | Annotated[Pattern, tyro.conf.subcommand("pattern")]
-    | Annotated[Decode, tyro.conf.subcommand("decode")]
-    | Annotated[Calibrate, tyro.conf.subcommand("calibrate")]
-    | Annotated[Recalibrate, tyro.conf.subcommand("recalibrate")]
-    | Annotated[Verify, tyro.conf.subcommand("verify")]
-    | Annotated[Reconstruct, tyro.conf.subcommand("reconstruct")]
-    | Annotated[Watch, tyro.conf.subcommand("watch")]
-    | Annotated[History, tyro.conf.subcommand("history")]
-    | Annotated[Rollback, tyro.conf.subcommand("rollback")]
-    | Annotated[Diff, tyro.conf.subcommand("diff")]
-    | Annotated[Convert, tyro.conf.subcommand("convert")]
-    | Annotated[Simulate, tyro.conf.subcommand("simulate")]
-    | Annotated[Experiment, tyro.conf.subcommand("experiment")]
-)
-DESCRIPTION = "Recalibrate a camera-projector rig from one picture, and know how sure the answer is."
 INTERRUPTED = 130  # as a shell reports SIGINT
+VERDICTS = frozenset({"accepted", "refused", "good", "drifted", "unknown"})
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -60,50 +27,45 @@ def main(arguments: Sequence[str] | None = None) -> int:
         return 0
     as_json = "--json" in arguments
     try:
-        outcome = _parse(arguments).run()
+        command = parse(arguments)
+        terminal.start(quiet=command.quiet, verbose=command.verbose)
+        outcome = command.run()
+        if outcome.page is not None:
+            from retrue.cli.report import written_page
+
+            outcome = written_page(outcome, arguments)
     except RetrueError as error:
         return _fail(str(error), as_json)
     except KeyboardInterrupt:
+        terminal.clear()
         print("retrue: interrupted", file=sys.stderr)
         return INTERRUPTED
-    print(json.dumps(outcome.report, allow_nan=False) if as_json else outcome.text)
+    terminal.clear()
+    if as_json or not command.quiet:
+        _print(json.dumps(outcome.report, allow_nan=False) if as_json else _painted(outcome))
     return outcome.exit_status
 
 
-def _parse(arguments: list[str]) -> Command:
-    """The command that the arguments name; a mistake in them becomes one line, without tyro's box."""
-    complaint = io.StringIO()
+def _print(text: str) -> None:
+    """To stdout; that nobody reads to its end is no mistake of ours."""
     try:
-        with contextlib.redirect_stderr(complaint):
-            command = tyro.cli(
-                cast("Any", Commands),
-                prog="retrue",
-                description=DESCRIPTION,
-                args=arguments,
-                config=(tyro.conf.FlagCreatePairsOff,),
-                registry=registry,
-            )
-    except SystemExit as stop:
-        if not stop.code:
-            raise
-        raise UsageError(_without_box(complaint.getvalue())) from None
-    return cast("Command", command)
+        print(text, flush=True)
+    except BrokenPipeError:
+        sys.stdout = Path(os.devnull).open("w", encoding="utf-8")  # noqa: SIM115 - for what Python flushes at its end
 
 
-def _without_box(complaint: str) -> str:
-    """The text in tyro's box, less its title and the help of the argument concerned."""
-    _, _, inside = complaint.partition("\n")
-    text = re.sub(r"[\s\u2500-\u257f]+", " ", inside)
-    return re.sub(r"Argument helptext:.*(?=For full helptext)", "", text).strip()
-
-
-class UsageError(RetrueError):
-    """Arguments that name no command, or not what it needs."""
+def _painted(outcome: Outcome) -> str:
+    """The answer for people, its verdict in color."""
+    verdict, colon, rest = outcome.text.partition(":")
+    if verdict not in VERDICTS:
+        return outcome.text
+    return colored(verdict, GREEN if outcome.exit_status == DONE else YELLOW, sys.stdout) + colon + rest
 
 
 def _fail(message: str, as_json: bool) -> int:
     line = " ".join(message.split())
-    print(f"retrue: {line}", file=sys.stderr)
+    terminal.clear()
+    print(f"{colored('retrue:', RED, sys.stderr)} {line}", file=sys.stderr)
     if as_json:
         print(json.dumps({"error": line}))
     return BAD_INPUT

@@ -13,9 +13,9 @@ from retrue.cli.command import (
     DONE,
     REFUSED_OR_DRIFTED,
     CapturePaths,
-    Command,
     Outcome,
     PatternPath,
+    ReportingCommand,
     RigPath,
     read_captures,
     require_writable,
@@ -24,11 +24,14 @@ from retrue.errors import InputError
 from retrue.recalibration.options import RecalibrateOptions
 
 if TYPE_CHECKING:
+    from retrue.correspondences import Correspondences
     from retrue.recalibration.result import Accepted, Refused
+    from retrue.report.page import Page
+    from retrue.rig import Rig
 
 
 @dataclass(frozen=True, kw_only=True)
-class Recalibrate(Command):
+class Recalibrate(ReportingCommand):
     """Find the pose of a rig again from what it sees now; a scene that holds a plane will do.
 
     Attributes
@@ -62,17 +65,25 @@ class Recalibrate(Command):
 
         if (self.out is None) == (not self.in_place):
             raise InputError("expected one of --out NEW.json and --in-place")
-        require_writable(self.rig if self.in_place else self.out)
+        require_writable(self.rig if self.in_place else self.out, self.report)
         rig = read_rig(self.rig)
         captures = read_captures(self.captures, self.pattern)
         start = time.perf_counter()
         result = recalibrate(rig, captures, self.limits)
         seconds = time.perf_counter() - start
         report = recalibration_report(result, seconds)
+        page = None if self.report is None else (self.report, self._page(rig, captures, result))
         if not isinstance(result, Accepted):
-            return Outcome(report, f"{_described(result, rig.unit)}\nnothing was written", REFUSED_OR_DRIFTED)
+            return Outcome(report, f"{_described(result, rig.unit)}\nnothing was written", REFUSED_OR_DRIFTED, page)
         written = self._write(result)
-        return Outcome(report | written, f"{_described(result, rig.unit)}\n{written['out']}: written", DONE)
+        return Outcome(report | written, f"{_described(result, rig.unit)}\n{written['out']}: written", DONE, page)
+
+    def _page(self, rig: Rig, captures: list[Correspondences], result: Accepted | Refused) -> Page:
+        from retrue.cli.report import seen_captures
+        from retrue.report.recalibration_page import recalibration_page
+
+        seen = seen_captures(self.captures, self.pattern, captures)
+        return recalibration_page(rig, seen, result, out=str(self.rig if self.in_place else self.out))
 
     def _write(self, result: Accepted) -> dict[str, Any]:
         if self.out is not None:
@@ -101,9 +112,9 @@ def _described(result: Accepted | Refused, unit: str) -> str:
         lines.append(f"sigma {sigma.rotation_deg:.3f} deg, direction of t {sigma.translation_deg:.3f} deg")
     if evidence.change is not None and evidence.change.displacement is not None:
         distance = f"{evidence.working_distance:.4g} {unit}"
-        lines.append(f"points at {distance} were off by {evidence.change.displacement:.2g} {unit}")
+        lines.append(f"points at {distance} were off by {evidence.change.displacement:.4g} {unit}")
     if evidence.sigma is not None and evidence.sigma.displacement is not None:
-        lines[-1] += f", are now within {evidence.sigma.displacement:.2g} {unit} (sigma)"
+        lines[-1] += f", are now within {evidence.sigma.displacement:.3g} {unit} (sigma)"
     if evidence.scale:
         lines.append(f"scale: {evidence.scale}")
     return "\n".join(lines)

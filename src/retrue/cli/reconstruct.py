@@ -9,12 +9,21 @@ from typing import Any
 
 from tyro.conf import OmitArgPrefixes
 
-from retrue.cli.command import CapturePath, Command, Outcome, PatternPath, RigPath, read_captures, require_writable
+from retrue.cli.command import (
+    DONE,
+    CapturePath,
+    Outcome,
+    PatternPath,
+    ReportingCommand,
+    RigPath,
+    read_captures,
+    require_writable,
+)
 from retrue.reconstruction.options import ReconstructOptions
 
 
 @dataclass(frozen=True, kw_only=True)
-class Reconstruct(Command):
+class Reconstruct(ReportingCommand):
     """Turn one capture into a coloured cloud of points, and into a mesh that stops at depth jumps.
 
     Attributes
@@ -47,7 +56,7 @@ class Reconstruct(Command):
         from retrue.reconstruction.mesh import make_mesh
         from retrue.reconstruction.reconstruct import reconstruct
 
-        require_writable(self.out, self.mesh)
+        require_writable(self.out, self.mesh, self.report)
         rig = read_rig(self.rig)
         (points,) = read_captures([self.capture], self.pattern)
         start = time.perf_counter()
@@ -61,4 +70,12 @@ class Reconstruct(Command):
             write_mesh(self.mesh, mesh)
             report |= {"mesh": str(self.mesh), "faces": len(mesh.faces)}
             text += f"\n{self.mesh}: {len(mesh.faces)} faces"
-        return Outcome(report, text)
+        page = None
+        if self.report is not None:
+            from retrue.cli.report import seen_captures
+            from retrue.report.reconstruction_page import reconstruction_page
+
+            (seen,) = seen_captures([self.capture], self.pattern, [points])
+            faces = None if mesh is None else len(mesh.faces)
+            page = (self.report, reconstruction_page(rig, seen, cloud, faces=faces))
+        return Outcome(report, text, DONE, page)

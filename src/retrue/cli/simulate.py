@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import sys
 import time
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -10,7 +9,8 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 from tyro.conf import OmitArgPrefixes, Positional, arg
 
-from retrue.cli.command import Command, Outcome, log, made_folder
+from retrue.cli.command import Command, Outcome, made_folder
+from retrue.cli.terminal import terminal
 from retrue.errors import FileError
 from retrue.simulation.options import SimulateOptions
 
@@ -60,7 +60,7 @@ class Simulate(Command):
         scene = MeshFile(_mesh(Path(self.scene))) if Path(self.scene).suffix.lower() in MESHES else self.scene
         folder = made_folder(self.out)
         start = time.perf_counter()
-        simulated = simulate(rig, scene, pattern, self.options, _show)
+        simulated = simulate(rig, scene, pattern, self.options, terminal.progress("rendering"))
         seconds = time.perf_counter() - start
         capture = made_folder(folder / "capture") if isinstance(pattern, GrayCode) else folder / "capture.png"
         _write(simulated, rig, capture if capture.is_dir() else folder, folder / "truth.npz")
@@ -115,11 +115,3 @@ def _write(simulated: Simulated, rig: Rig, folder: Path, truth_file: Path) -> No
             block_camera_px=truth.camera_px,
             block_projector_px=truth.projector_px,
         )
-
-
-def _show(done: int, total: int) -> None:
-    """A line that is written over on a terminal; elsewhere a line a render."""
-    if sys.stderr.isatty():
-        print(f"\rrendering: {done} of {total}", end="\n" if done == total else "", file=sys.stderr, flush=True)
-    else:
-        log(f"rendering: {done} of {total}")

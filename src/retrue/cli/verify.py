@@ -9,16 +9,17 @@ from retrue.cli.command import (
     DONE,
     REFUSED_OR_DRIFTED,
     CapturePaths,
-    Command,
     Outcome,
     PatternPath,
+    ReportingCommand,
     RigPath,
     read_captures,
+    require_writable,
 )
 
 
 @dataclass(frozen=True, kw_only=True)
-class Verify(Command):
+class Verify(ReportingCommand):
     """Ask whether captures still fit a rig; nothing is written. Exit status 0 only where they do.
 
     Attributes
@@ -40,10 +41,18 @@ class Verify(Command):
         from retrue.files.rigs import read_rig
         from retrue.recalibration.verify import verify
 
+        require_writable(self.report)
         rig = read_rig(self.rig)
         captures = read_captures(self.captures, self.pattern)
         start = time.perf_counter()
         verification = verify(rig, captures)
         report = verification_report(verification, time.perf_counter() - start)
         text = f"{verification.verdict}: {verification.reason}"
-        return Outcome(report, text, DONE if verification.verdict == "good" else REFUSED_OR_DRIFTED)
+        page = None
+        if self.report is not None:
+            from retrue.cli.report import seen_captures
+            from retrue.report.verification_page import verification_page
+
+            seen = seen_captures(self.captures, self.pattern, captures)
+            page = (self.report, verification_page(rig, seen, verification))
+        return Outcome(report, text, DONE if verification.verdict == "good" else REFUSED_OR_DRIFTED, page)

@@ -75,11 +75,11 @@ def correspondences_of(sight: GridSight) -> Correspondences:
     row, column = cells[:, 0], cells[:, 1]
     pattern = sight.pattern
     h, w = sight.picture.shape[:2]
-    decoded = len(cells)
+    decoded, rejected = len(cells), sight.rejected()
     card: dict[str, Any] = {
-        "blocks_seen": len(sight.blocks),
+        "blocks_seen": decoded + sum(rejected.values()),
         "decoded": decoded,
-        "rejected": sight.rejected(),
+        "rejected": rejected,
         "coverage": round(_coverage(sight.centre_px[row, column], w, h), 3),
         "block_px": round(sight.block_px, 1),
         "advice": advise(sight, decoded),
@@ -122,7 +122,7 @@ def _rgb(image: Image, name: str) -> Image:
     if image.dtype.name not in ("uint8", "uint16") or image.ndim not in (2, 3) or image.size == 0:
         raise InputError(f"{name}: expected a picture (h, w, 3) of uint8 or uint16, found {image.dtype} {image.shape}")
     if image.ndim == 3 and image.shape[2] == 3:
-        return image
+        return np.ascontiguousarray(image)
     if image.ndim == 2 or image.shape[2] == 1:
         return np.repeat(image.reshape(*image.shape[:2], 1), 3, axis=2)
     raise InputError(f"{name}: expected three channels (red, green, blue), found {image.shape[2]}")

@@ -9,7 +9,8 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from retrue.geometry.arrays import BoolArray, FloatArray, IntArray
+from retrue.geometry.arrays import FloatArray
+from retrue.geometry.compiling import OUT_MATRIX, compiled, numba
 
 Gray = NDArray[np.uint8]
 
@@ -49,18 +50,44 @@ def find_blocks(picture: Gray) -> Blocks:
     reach = np.ones((2 * REACH + 1, 2 * REACH + 1), np.uint8)
     floor = cast(Gray, cv2.erode(picture, reach))
     mask = _nearer_to_top(cast(Gray, cv2.subtract(picture, floor)), reach)
-    _, owners, statistics, centroids = cv2.connectedComponentsWithStats(mask, connectivity=4, ltype=cv2.CV_32S)
-    stats, middle = np.asarray(statistics, dtype=np.int64), np.asarray(centroids, dtype=np.float64)
-    area = stats[:, cv2.CC_STAT_AREA]
-    keep = (area >= MIN_AREA) & (area <= MAX_AREA) & _off_the_border(stats, mask.shape)
-    keep[0] = False  # the background
-    shape = _second_moments(np.asarray(owners, dtype=np.int32), middle, area)
-    keep &= area > MIN_FILL * 4 * np.pi * np.sqrt(np.maximum(np.linalg.det(shape), 0))
+    count, owners = cv2.connectedComponents(mask, connectivity=4, ltype=cv2.CV_32S)
+    blobs = np.zeros((count, 6))
+    _blobs(np.asarray(owners, dtype=np.int32), blobs)
+    area, middle, shape = blobs[:, 0], blobs[:, 1:3], blobs[:, [3, 4, 4, 5]].reshape(-1, 2, 2)
+    fill = area / (4 * np.pi * np.sqrt(np.maximum(blobs[:, 3] * blobs[:, 5] - blobs[:, 4] ** 2, 1e-9)))
+    keep = (area >= MIN_AREA) & (area <= MAX_AREA) & (fill > MIN_FILL)
     centre = middle[keep]
     column, row = np.round(centre).astype(np.int64).T
     smooth = cast(Gray, cv2.blur(picture, (3, 3)))
     color = smooth[row, column].astype(np.float64) - floor[row, column]
     return Blocks(centre, shape[keep], color)
+
+
+@compiled(numba.void(numba.types.Array(numba.int32, 2, "C"), OUT_MATRIX))
+def _blobs(owner: NDArray[np.int32], blobs: FloatArray) -> None:
+    """`blobs` (N, 6) <- area, centroid x, y and second moments xx, xy, yy; area 0 of what touches the border."""
+    height, width = owner.shape
+    for y in range(height):
+        for x in range(width):
+            k = owner[y, x]
+            if k > 0:
+                blobs[k, 0] += 1
+                blobs[k, 1] += x
+                blobs[k, 2] += y
+                blobs[k, 3] += x * x
+                blobs[k, 4] += x * y
+                blobs[k, 5] += y * y
+    for y in range(height):
+        for x in range(0, width, width - 1 if 0 < y < height - 1 and width > 1 else 1):
+            blobs[owner[y, x], 0] = 0
+    for k in range(1, len(blobs)):
+        area = blobs[k, 0]
+        if area > 0:
+            for i in range(1, 6):
+                blobs[k, i] /= area
+            blobs[k, 3] -= blobs[k, 1] * blobs[k, 1]
+            blobs[k, 4] -= blobs[k, 1] * blobs[k, 2]
+            blobs[k, 5] -= blobs[k, 2] * blobs[k, 2]
 
 
 def _nearer_to_top(added: Gray, reach: Gray) -> Gray:
@@ -74,29 +101,9 @@ def _nearer_to_top(added: Gray, reach: Gray) -> Gray:
     return cast(Gray, cv2.bitwise_and(cv2.compare(height, middle, cv2.CMP_GT), visible))
 
 
-def _off_the_border(stats: IntArray, size: tuple[int, ...]) -> BoolArray:
-    left, top = stats[:, cv2.CC_STAT_LEFT], stats[:, cv2.CC_STAT_TOP]
-    right, bottom = left + stats[:, cv2.CC_STAT_WIDTH], top + stats[:, cv2.CC_STAT_HEIGHT]
-    return (left > 0) & (top > 0) & (right < size[1]) & (bottom < size[0])
-
-
 def _noise(height: Gray) -> float:
     """Standard deviation of the pixel noise, from the median second difference along a sample of rows."""
     rows = height[::7].astype(np.int16)
     if rows.shape[1] < 3:
         return 0.0
     return float(np.median(np.abs(rows[:, :-2] - 2 * rows[:, 1:-1] + rows[:, 2:]))) / (0.6745 * 6**0.5)
-
-
-def _second_moments(labels: NDArray[np.int32], centroids: FloatArray, area: IntArray) -> FloatArray:
-    flat = np.flatnonzero(labels)
-    owner = labels.ravel()[flat]
-    y, x = np.divmod(flat, labels.shape[1])
-    dx, dy = x - centroids[owner, 0], y - centroids[owner, 1]
-    count = len(area)
-    scale = np.maximum(area, 1)
-    shape = np.empty((count, 2, 2))
-    shape[:, 0, 0] = np.bincount(owner, dx * dx, count) / scale
-    shape[:, 1, 1] = np.bincount(owner, dy * dy, count) / scale
-    shape[:, 0, 1] = shape[:, 1, 0] = np.bincount(owner, dx * dy, count) / scale
-    return shape

@@ -8,8 +8,8 @@ from functools import cache
 
 import cv2
 import numpy as np
-from numpy.typing import NDArray
 
+from retrue.decoding.grid_sampling import profiles, sample
 from retrue.decoding.grid_surface import Joints, agreement, slopes
 from retrue.geometry.arrays import BoolArray, FloatArray, Image
 
@@ -23,15 +23,14 @@ BLURS = np.geomspace(0.02, 0.4, 25)  # in pitches: one filter each
 BLUR_BORDERS = np.sqrt(BLURS[1:] * BLURS[:-1])  # where the next filter takes over
 SIDE_SAMPLES = 9  # across one side
 SIDE_WINDOW = 0.88  # of half a gap: how far those reach from the side
-CHANNEL_TRUST = np.array([1.0, 2.0, 1.0], np.float32)  # green is sampled twice as densely, and never subsampled
+CHANNEL_TRUST = np.array([1.0, 2.0, 1.0])  # green is sampled twice as densely, and never subsampled
 ROUNDS = 2
 FARTHEST = 0.12  # of a pitch that a centre may lie off the middle of its blob
 STRAIGHT = 4.0  # sigmas by which lines through one block may differ on a smooth surface
 DISAGREEMENT = 0.06  # of a pitch between two ways to measure: more, and the block is cut
 RIM_DISAGREEMENT = 0.03  # the same at the rim of a surface, where cut blocks are
 
-Samples = NDArray[np.float32]
-_Offset = Callable[["_Smoothed", Samples, FloatArray, FloatArray, FloatArray, float], FloatArray]
+_Offset = Callable[["_Smoothed", FloatArray, FloatArray, FloatArray, FloatArray, float], FloatArray]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -41,11 +40,11 @@ class Centres:
     Attributes
     ----------
     camera_px : (rows, columns, 2) the image of the centre.
-    sigma_px : (rows, columns) standard deviation per axis.
+    doubt_px : (rows, columns) what it may be off beyond noise, one standard deviation; 0 of most.
     """
 
     camera_px: FloatArray
-    sigma_px: FloatArray
+    doubt_px: FloatArray
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -78,7 +77,7 @@ def refine_centres(image: Image, coarse: FloatArray, joints: Joints, duty: float
     if not known.any():
         return Centres(np.full_like(coarse, np.nan), np.full(coarse.shape[:2], np.nan))
     smooth, sharp = _Smoothed.of(image, float(np.median(pitch[known]))), _Smoothed(image, BLUR)
-    weights = np.zeros((*known.shape, 3), np.float32)
+    weights = np.zeros((*known.shape, 3))
     weights[known] = _color_weights(smooth, coarse[known], right[known], down[known])
 
     def measured(rows: BoolArray, start: FloatArray, picture: _Smoothed, offset: _Offset) -> FloatArray:
@@ -108,20 +107,20 @@ def refine_centres(image: Image, coarse: FloatArray, joints: Joints, duty: float
     position = np.where((unsure & straight)[..., None], second.expected, by_sides)
     limit = np.where(joints.inside(), DISAGREEMENT, RIM_DISAGREEMENT) * pitch
     position[unsure & ~straight & ~(between < limit)] = np.nan
-    sigma = np.hypot(first.sigma, np.where(unsure, np.where(straight, second.spread, between), 0.0))
-    sigma[~np.isfinite(position[..., 0])] = np.nan
-    return Centres(position, sigma)
+    doubt = np.where(unsure, np.where(straight, second.spread, between), 0.0)
+    doubt[~np.isfinite(position[..., 0])] = np.nan
+    return Centres(position, doubt)
 
 
-def _color_weights(picture: _Smoothed, p: FloatArray, u: FloatArray, v: FloatArray) -> Samples:
+def _color_weights(picture: _Smoothed, p: FloatArray, u: FloatArray, v: FloatArray) -> FloatArray:
     """Weights (N, 3) that make one number of a colour: most where block and gaps differ most."""
-    seen = _sample(picture, np.stack([p, p + u / 2, p - u / 2, p + v / 2, p - v / 2], axis=1))
+    seen = sample(picture.pixels, np.stack([p, p + u / 2, p - u / 2, p + v / 2, p - v / 2], axis=1))
     added = np.maximum(seen[:, 0] - seen[:, 1:].min(axis=1), 0) * CHANNEL_TRUST
     return added / np.maximum(added.sum(axis=1, keepdims=True), 1e-6)
 
 
 def _profile_offset(
-    picture: _Smoothed, weights: Samples, p: FloatArray, u: FloatArray, v: FloatArray, duty: float
+    picture: _Smoothed, weights: FloatArray, p: FloatArray, u: FloatArray, v: FloatArray, duty: float
 ) -> FloatArray:
     """How far along u, in pitches, the block's middle is from p: least squares of its whole profile.
 
@@ -129,7 +128,7 @@ def _profile_offset(
     order in d that is linear, so A and A d are two fixed filters of the profile.
     """
     t = np.linspace(-REACH, REACH, SAMPLES)
-    profile = _profiles(picture, weights, p, u, v, t, duty, LINES)
+    profile = profiles(picture.pixels, weights, p, u, v, t, _beside(LINES, duty))
     height_filters, shift_filters = _filters(duty)
     blur: FloatArray = picture.blur_px / np.maximum(np.linalg.norm(u, axis=-1), 1e-6)
     nearest = np.searchsorted(BLUR_BORDERS, blur)
@@ -161,7 +160,7 @@ def _filters(duty: float) -> tuple[FloatArray, FloatArray]:
 
 
 def _side_offset(
-    picture: _Smoothed, weights: Samples, p: FloatArray, u: FloatArray, v: FloatArray, duty: float
+    picture: _Smoothed, weights: FloatArray, p: FloatArray, u: FloatArray, v: FloatArray, duty: float
 ) -> FloatArray:
     """The same from the two sides alone: a print elsewhere on the block does not matter.
 
@@ -171,32 +170,13 @@ def _side_offset(
     window = SIDE_WINDOW * min(1 - duty, duty) / 2
     t = np.linspace(-window, window, SIDE_SAMPLES)
     across = np.concatenate([duty / 2 + t, -(duty / 2 + t)])
-    profile = _profiles(picture, weights, p, u, v, across, duty, SIDE_LINES).reshape(len(p), 2, SIDE_SAMPLES)
+    profile = profiles(picture.pixels, weights, p, u, v, across, _beside(SIDE_LINES, duty))
+    profile = profile.reshape(len(p), 2, SIDE_SAMPLES)
     inside, outside = profile[..., 0], profile[..., -1]
     height = (profile.mean(axis=-1) - outside) / np.maximum(inside - outside, 1e-6)
     edge = (np.clip(height, 0.0, 1.0) - 0.5) * 2 * window
     return (edge[:, 0] - edge[:, 1]) / 2
 
 
-def _profiles(
-    picture: _Smoothed,
-    weights: Samples,
-    p: FloatArray,
-    u: FloatArray,
-    v: FloatArray,
-    t: FloatArray,
-    duty: float,
-    lines: int,
-) -> FloatArray:
-    """(N, len(t)) mean over `lines` parallel to u, at t pitches along u from p."""
-    s = np.linspace(-0.5, 0.5, lines) * duty * SPREAD
-    along, beside = t[:, None, None] * u[:, None, None], s[:, None] * v[:, None, None]
-    seen = _sample(picture, p[:, None, None] + along + beside)
-    return np.einsum("ntlc,nc->nt", seen, weights).astype(np.float64) / lines
-
-
-def _sample(picture: _Smoothed, at: FloatArray) -> Samples:
-    """`picture` at points (N, ..., 2), interpolated: (N, ..., 3)."""
-    x, y = np.moveaxis(at.reshape(len(at), -1, 2), -1, 0).astype(np.float32)
-    seen = cv2.remap(picture.pixels, x, y, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
-    return np.asarray(seen, dtype=np.float32).reshape(*at.shape[:-1], 3)
+def _beside(lines: int, duty: float) -> FloatArray:
+    return np.linspace(-0.5, 0.5, lines) * duty * SPREAD

@@ -2,18 +2,49 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
 from numpy.typing import ArrayLike
 
 from retrue.geometry.arrays import FloatArray, IntArray
+from retrue.geometry.compiling import MATRIX, OUT_VECTOR, compiled, numba
 
 DISPLAY_GAMMA = 2.2
 PURE_SHARE = 0.06  # of the blocks, the purest red ones (green, blue) that show what red light looks like
 ROUNDS = 4
 
 
-def separate_colors(added: FloatArray, around: IntArray, palette: ArrayLike) -> tuple[IntArray, FloatArray]:
-    """Colour index (N,) and its margin (N,) in 0 .. 1 of each block, of light `added` (N, 3) to its surroundings.
+@dataclass(frozen=True, slots=True, eq=False)
+class Colors:
+    """How the colours of the projector look in one picture.
+
+    Attributes
+    ----------
+    unmixing : (3, 3) from what a block adds to its surroundings to amounts of the projector's red, green and blue.
+    centres : (K, 3) where each colour lies, in amounts over the local level.
+    """
+
+    unmixing: FloatArray
+    centres: FloatArray
+
+    def amounts(self, added: FloatArray) -> FloatArray:
+        """Of the projector's red, green and blue in light `added` (N, 3)."""
+        return np.maximum(np.maximum(added, 0.0) @ self.unmixing.T, 0.0)
+
+    def nearest(self, amounts: FloatArray, level: FloatArray) -> tuple[IntArray, FloatArray]:
+        """Colour index (N,) and its margin (N,) in 0 .. 1, of `amounts` where white is `level`, (N, 3) each."""
+        return _nearest(amounts / np.maximum(level, 1e-9), self.centres)
+
+
+def local_level(amounts: FloatArray) -> FloatArray:
+    """Level of white (N, 3) from the amounts (N, M, 3) in M blocks around each: the brightest of each channel."""
+    level = amounts.max(axis=1)
+    return np.maximum(level, 0.15 * level.max(axis=1, keepdims=True))
+
+
+def separate_colors(added: FloatArray, around: IntArray, palette: ArrayLike) -> tuple[Colors, IntArray, FloatArray]:
+    """What colours look like, and colour index (N,) and margin (N,) of each block, of light `added` (N, 3).
 
     Projector and camera mix the channels alike everywhere, paint and vignetting scale them from place to
     place: the first is undone once for the picture, by the purest red, green and blue blocks in it, the
@@ -21,12 +52,12 @@ def separate_colors(added: FloatArray, around: IntArray, palette: ArrayLike) -> 
     to where the picture has them.
     """
     palette = np.asarray(palette, dtype=np.float64) / 255.0
-    light = unmix(np.maximum(added, 0.0), palette)
-    members = np.where(around >= 0, around, np.arange(len(light))[:, None])
-    level = light[members].max(axis=1)
-    level = np.maximum(level, 0.15 * level.max(axis=1, keepdims=True))
-    seen = light / np.maximum(level, 1e-9)
     centres = palette / np.maximum(palette.max(axis=0), 1e-9)
+    unmixing = _unmixing(np.maximum(added, 0.0), palette)
+    amounts = Colors(unmixing, centres).amounts(added)
+    seen = amounts / np.maximum(
+        local_level(amounts[np.where(around >= 0, around, np.arange(len(amounts))[:, None])]), 1e-9
+    )
     for _ in range(ROUNDS):
         label, margin = _nearest(seen, centres)
         sure = margin > 0.2
@@ -36,11 +67,11 @@ def separate_colors(added: FloatArray, around: IntArray, palette: ArrayLike) -> 
             / np.maximum(counts, 1)[:, None]
         )
         centres = np.where((counts >= 8)[:, None], moved, centres)
-    return _nearest(seen, centres)
+    return Colors(unmixing, centres), *_nearest(seen, centres)
 
 
-def unmix(light: FloatArray, palette: FloatArray) -> FloatArray:
-    """`light` (N, 3) in amounts of the projector's own red, green and blue.
+def _unmixing(light: FloatArray, palette: FloatArray) -> FloatArray:
+    """Matrix from `light` (N, 3) to amounts of the projector's own red, green and blue.
 
     The chroma of all mixtures lies in the triangle of the three pure ones, so its corners are what red,
     green and blue look like. Needs the three in the palette; otherwise the channels stay as they are.
@@ -49,20 +80,35 @@ def unmix(light: FloatArray, palette: FloatArray) -> FloatArray:
     usable = total > 0
     scale = np.percentile(light[usable], 95, axis=0) if usable.any() else np.ones(3)
     scaled = light / np.maximum(scale, 1e-9)
+    to_scale = np.diag(1 / np.maximum(scale, 1e-9))
     pure = [np.any((palette[:, c] > 0.5) & (np.delete(palette, c, axis=1) < 0.1).all(axis=1)) for c in range(3)]
     if usable.sum() < 30 or not all(pure):
-        return scaled
+        return to_scale
     chroma = scaled[usable] / scaled[usable].sum(axis=1, keepdims=True)
     count = max(3, int(PURE_SHARE * len(chroma)))
     corners = np.stack(
         [np.median(chroma[np.argpartition(chroma[:, c], -count)[-count:]], axis=0) for c in range(3)], axis=-1
     )
     if not (np.linalg.det(corners) > 0.05):
-        return scaled
-    return np.maximum(scaled @ np.linalg.inv(corners).T, 0.0)
+        return to_scale
+    return np.linalg.inv(corners) @ to_scale
 
 
 def _nearest(seen: FloatArray, centres: FloatArray) -> tuple[IntArray, FloatArray]:
-    distance = np.linalg.norm(seen[:, None] - centres, axis=-1)
-    order = np.partition(distance, 1, axis=1)
-    return np.argmin(distance, axis=1), (order[:, 1] - order[:, 0]) / np.maximum(order[:, 1] + order[:, 0], 1e-9)
+    label, margin = np.zeros(len(seen), dtype=np.int64), np.zeros(len(seen))
+    _find_nearest(np.ascontiguousarray(seen), np.ascontiguousarray(centres), label, margin)
+    return label, margin
+
+
+@compiled(numba.void(MATRIX, MATRIX, numba.types.Array(numba.int64, 1, "C"), OUT_VECTOR))
+def _find_nearest(seen: FloatArray, centres: FloatArray, label: IntArray, margin: FloatArray) -> None:
+    for n in range(len(seen)):
+        first, second = np.inf, np.inf
+        for k in range(len(centres)):
+            r, g, b = seen[n, 0] - centres[k, 0], seen[n, 1] - centres[k, 1], seen[n, 2] - centres[k, 2]
+            distance = np.sqrt(r * r + g * g + b * b)
+            if distance < first:
+                first, second, label[n] = distance, first, k
+            elif distance < second:
+                second = distance
+        margin[n] = (second - first) / max(second + first, 1e-9)

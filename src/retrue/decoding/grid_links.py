@@ -5,12 +5,14 @@ from __future__ import annotations
 import numpy as np
 
 from retrue.decoding.grid_blocks import Blocks
+from retrue.decoding.grid_nearest import nearest_of_all
 from retrue.geometry.arrays import FloatArray, IntArray
+from retrue.geometry.compiling import MATRIX, VECTOR, compiled, numba
 
 CANDIDATES = 8  # nearest blobs that may be one of the four neighbours, or one of the four diagonal ones
 SIZE_RATIO = 2.2  # between the areas of neighbours
 SHAPE_RATIO = 2.5  # between the spacings that neighbours measure, each in its own shape
-OFF_AXIS = np.radians(24)
+OFF_AXIS = float(np.radians(24))
 NONE = -1
 
 
@@ -40,43 +42,68 @@ def link_blocks(blocks: Blocks) -> Links:
     however steep the surface. What is left is a rotation, and that is the fourfold mean of the directions
     to the neighbours. Only mutual links stay.
     """
-    from scipy.spatial import KDTree
-
     count = len(blocks)
     if count < 9:
         return Links(np.full((count, 4), NONE), np.zeros((count, 4), np.int64))
-    near: IntArray = KDTree(blocks.centre).query(blocks.centre, k=min(CANDIDATES + 1, count))[1]  # type: ignore[assignment]
-    near = near[:, 1:]
-    whiten = _inverse_roots(blocks.shape)
-    offset = blocks.centre[near] - blocks.centre[:, None]
-    step = np.einsum("nij,nkj->nki", whiten, offset)
-    # The same step as the other end sees it: where the two disagree, they are not blocks of one surface.
-    back = np.einsum("nkij,nkj->nki", whiten[near], offset)
-    length = np.linalg.norm(step, axis=-1)
-    back_length = np.linalg.norm(back, axis=-1)
-    area = np.sqrt(np.maximum(np.linalg.det(blocks.shape), 1e-9))
-    ratio = area[near] / area[:, None]
-    similar = (ratio < SIZE_RATIO) & (ratio > 1 / SIZE_RATIO)
-    similar &= (back_length < SHAPE_RATIO * length) & (length < SHAPE_RATIO * back_length)
-
-    angle = np.arctan2(step[..., 1], step[..., 0])
-    shortest = np.min(np.where(similar, length, np.inf), axis=1, keepdims=True)
-    axial = similar & (length < 1.25 * shortest)
-    mean = np.sum(np.where(axial, np.exp(4j * angle), 0), axis=1)
-    frame: FloatArray = np.angle(mean) / 4  # direction 0, in the whitened frame, in [-45, 45) degrees
-    relative = angle - frame[:, None]
-    quarters: FloatArray = np.rint(relative / (np.pi / 2))
-    off = np.abs(relative - quarters * (np.pi / 2))
-    cost = np.where(similar & (off < OFF_AXIS) & (length < 1.6 * shortest), length, np.inf)
-    direction = quarters.astype(np.int64) % 4
-
+    near = nearest_of_all(blocks.centre, blocks.centre, min(CANDIDATES + 1, count))[1][:, 1:]
     neighbour = np.full((count, 4), NONE)
-    for k in range(4):
-        of_k = np.where(direction == k, cost, np.inf)
-        best = np.argmin(of_k, axis=1)
-        rows = np.arange(count)
-        neighbour[:, k] = np.where(np.isfinite(of_k[rows, best]), near[rows, best], NONE)
+    area = np.sqrt(np.maximum(np.linalg.det(blocks.shape), 1e-9))
+    _choose(blocks.centre, np.ascontiguousarray(_inverse_roots(blocks.shape).reshape(-1, 4)), area, near, neighbour)
     return Links(*_mutual(neighbour))
+
+
+_INTEGERS = numba.types.Array(numba.int64, 2, "A")
+
+
+@compiled(numba.void(MATRIX, MATRIX, VECTOR, _INTEGERS, _INTEGERS))
+def _choose(centre: FloatArray, whiten: FloatArray, area: FloatArray, near: IntArray, neighbour: IntArray) -> None:
+    """`neighbour` (N, 4) <- the nearest blob of `near` (N, M) in each direction of the block's own frame, or -1."""
+    candidates = near.shape[1]
+    length, angle = np.empty(candidates), np.empty(candidates)
+    best = np.empty(4)
+    for n in range(len(centre)):
+        shortest = np.inf
+        for m in range(candidates):
+            other = near[n, m]
+            x, y = centre[other, 0] - centre[n, 0], centre[other, 1] - centre[n, 1]
+            sx, sy = whiten[n, 0] * x + whiten[n, 1] * y, whiten[n, 2] * x + whiten[n, 3] * y
+            # The same step as the other end sees it: where the two disagree, they are not blocks of one surface.
+            bx, by = whiten[other, 0] * x + whiten[other, 1] * y, whiten[other, 2] * x + whiten[other, 3] * y
+            here, there = np.sqrt(sx * sx + sy * sy), np.sqrt(bx * bx + by * by)
+            ratio = area[other] / area[n]
+            similar = 1 / SIZE_RATIO < ratio < SIZE_RATIO and there < SHAPE_RATIO * here and here < SHAPE_RATIO * there
+            length[m], angle[m] = here if similar else np.inf, np.arctan2(sy, sx)
+            shortest = min(shortest, length[m])
+        cosine, sine = 0.0, 0.0
+        for m in range(candidates):
+            if length[m] < 1.25 * shortest:
+                cosine += np.cos(4 * angle[m])
+                sine += np.sin(4 * angle[m])
+        frame = np.arctan2(sine, cosine) / 4  # direction 0, in the whitened frame, in [-45, 45) degrees
+        best[:] = 1.6 * shortest
+        for m in range(candidates):
+            quarters = np.rint((angle[m] - frame) / (np.pi / 2))
+            off = abs(angle[m] - frame - quarters * (np.pi / 2))
+            direction = int(quarters) % 4
+            if off < OFF_AXIS and length[m] < best[direction]:
+                best[direction], neighbour[n, direction] = length[m], near[n, m]
+
+
+def whitened_lengths(blocks: Blocks, links: Links) -> FloatArray:
+    """(N, 4) length of each link, in standard deviations of the block it starts from; NaN where there is none."""
+    step = blocks.centre[links.neighbour] - blocks.centre[:, None]
+    length = np.linalg.norm(np.einsum("nij,nkj->nki", _inverse_roots(blocks.shape), step), axis=-1)
+    return np.where(links.neighbour >= 0, length, np.nan)
+
+
+def bends(blocks: Blocks, links: Links) -> FloatArray:
+    """(N, 4) change of each link to the one before or after it, the lesser one, over its length; NaN: none."""
+    here = np.arange(4)
+    step = np.where((links.neighbour >= 0)[..., None], blocks.centre[links.neighbour] - blocks.centre[:, None], np.nan)
+    before = -step[:, (here + 2) % 4]
+    after = step[links.neighbour, (here + links.turn) % 4]
+    change = np.fmin(np.linalg.norm(step - before, axis=-1), np.linalg.norm(step - after, axis=-1))
+    return change / np.linalg.norm(step, axis=-1)
 
 
 def _mutual(neighbour: IntArray) -> tuple[IntArray, IntArray]:

@@ -1,8 +1,8 @@
-"""One look at a picture, from a given distance: find, link, name, place, measure."""
+"""One look at a picture, from a given distance: find, link, name, place, measure, grow."""
 
 from __future__ import annotations
 
-from typing import Any
+from dataclasses import dataclass
 
 import cv2
 import numpy as np
@@ -10,49 +10,53 @@ from numpy.typing import NDArray
 
 from retrue.decoding.grid_blocks import Blocks, find_blocks
 from retrue.decoding.grid_centres import refine_centres
-from retrue.decoding.grid_colors import separate_colors
-from retrue.decoding.grid_links import NONE, Links, link_blocks
+from retrue.decoding.grid_colors import Colors, separate_colors
+from retrue.decoding.grid_growth import MISFIT, Surfaces, cut_blocks, grow
+from retrue.decoding.grid_holders import held_by, hold_places, on_surfaces
+from retrue.decoding.grid_islands import place_islands
+from retrue.decoding.grid_links import NONE, link_blocks
+from retrue.decoding.grid_nearest import nearest
+from retrue.decoding.grid_noise import noise_of
 from retrue.decoding.grid_sight import GridSight, Verdict
-from retrue.decoding.grid_surface import Joints, in_squares, sound_joints, whole_blocks
-from retrue.decoding.grid_windows import (
-    SIGNIFICANCE,
-    Code,
-    code_of,
-    joined_places,
-    neighbours_colors,
-    patch_evidence,
-    place_blocks,
-    surface_evidence,
-)
-from retrue.geometry.arrays import BoolArray, Image, IntArray
+from retrue.decoding.grid_surface import Joints, slopes
+from retrue.decoding.grid_windows import Code, code_of, place_blocks
+from retrue.geometry.arrays import FloatArray, Image, IntArray
 from retrue.patterns.color_grid import ColorGrid
 
-SURROUNDED = 5  # agreeing neighbours of eight, from which on a block's own colour need not be beyond doubt
-LEAST_AGREEING = 3  # of all other blocks, which may also have one neighbour whose colour is clearly another
 CLEAR_MARGIN = 0.3  # of a colour beyond doubt
+OWN_PLACE = 0.5  # pitches about a centre in which a blob is that block
 
 
 def look(pattern: ColorGrid, picture: Image, halvings: int) -> GridSight:
     """What `picture` (h, w, 3), halved so many times, shows of `pattern`; centres are measured in full size."""
-    scale = 2**halvings
-    blocks = find_blocks(_eight_bits(_halved(picture, halvings)))
+    small = _halved(picture, halvings)
+    gain = _gain(small)
+    blocks = find_blocks(_eight_bits(small, gain))
     links = link_blocks(blocks)
-    label, margin = separate_colors(blocks.color, links.around, pattern.colors)
-    code = code_of(pattern)
+    colors, label, margin = separate_colors(blocks.color, links.around, pattern.colors)
+    code, clear = code_of(pattern), margin > CLEAR_MARGIN
     place = place_blocks(code, links, label)
-    right = label == code.color(place)
+    verdict, holder, joints = hold_places(code, blocks, links, label, clear, place)
 
-    verdict, holder = _hold_places(code, links, label, place)
-    clear = margin > CLEAR_MARGIN
-    agreeing, contradicting = neighbours_colors(code, links, label, clear, place)
-    sure = (agreeing >= SURROUNDED) | ((agreeing >= LEAST_AGREEING) & (contradicting < 2) & right & clear)
-    holder = np.where(held_by(holder, sure, False), holder, NONE)
-    holder, joints = _on_surfaces(code, blocks, links, place, right, holder)
+    table = _Table(picture, 2**halvings, gain, blocks, colors, code, pattern.block / pattern.pitch)
+    surfaces = table.extended(_nothing(code), holder, joints)
+    cell, distance = table.nearest_cells(surfaces)
+    island = place_islands(
+        code, blocks, links, label, clear, cell < 0, table.scaled(surfaces.position), surfaces.joints
+    )
+    if (island >= 0).any():
+        row, column, _ = code.split(island[island >= 0])
+        holder = np.full_like(holder, NONE)
+        holder[row, column] = np.flatnonzero(island >= 0)
+        surfaces = table.extended(surfaces, *on_surfaces(blocks, links, island, holder))
+        cell, distance = table.nearest_cells(surfaces)
 
-    coarse = (held_by(holder, blocks.centre, np.nan) + 0.5) * scale - 0.5
-    centres = refine_centres(picture, coarse, joints, pattern.block / pattern.pitch)
-    lost = np.setdiff1d(np.flatnonzero(verdict == Verdict.DECODED), holder[np.isfinite(centres.camera_px[..., 0])])
-    verdict[lost] = Verdict.OFF_SURFACE
+    holder = _nearest_blobs(code, cell, distance)
+    verdict[verdict == Verdict.DECODED] = Verdict.OFF_SURFACE
+    verdict[holder[holder >= 0]] = Verdict.DECODED
+    right = held_by(holder, label, NONE) == code.cells
+    margin = held_by(holder, margin, 0.0)
+    by_color = np.where(right, 0.5 + 0.5 * margin, 0.5 * (1 - margin))
     return GridSight(
         pattern=pattern,
         picture=picture,
@@ -60,55 +64,74 @@ def look(pattern: ColorGrid, picture: Image, halvings: int) -> GridSight:
         blocks=blocks,
         links=links,
         label=label,
-        place=place,
         verdict=verdict,
         holder=holder,
-        centre_px=centres.camera_px,
-        sigma_px=centres.sigma_px,
-        confidence=held_by(holder, np.where(right, 0.5 + 0.5 * margin, 0.5 * (1 - margin)), 0.0),
-        color=held_by(holder, np.clip(blocks.color, 0, 255).astype(np.uint8), 0),
+        centre_px=surfaces.position,
+        sigma_px=np.hypot(noise_of(surfaces.position, surfaces.joints), surfaces.doubt),
+        confidence=np.where(np.isfinite(surfaces.misfit), 1 - 0.5 * surfaces.misfit / MISFIT, by_color),
+        color=np.clip(np.nan_to_num(surfaces.light), 0, 255).astype(np.uint8),
     )
 
 
-def held_by(holder: IntArray, values: NDArray[Any], fill: float) -> NDArray[Any]:
-    """`values` (N, ...) of the blob that holds each place (rows, columns), `fill` where none does."""
-    held = holder >= 0
-    result = np.full((*holder.shape, *values.shape[1:]), fill, dtype=values.dtype)
-    result[held] = values[holder[held]]
-    return result
+def _nothing(code: Code) -> Surfaces:
+    none = np.full((code.rows, code.columns, 3), np.nan)
+    flags = np.zeros((code.rows, code.columns), dtype=bool)
+    return Surfaces(none[..., :2], none, none[..., 0], none[..., 0], Joints(flags[:, 1:], flags[1:]))
 
 
-def _hold_places(code: Code, links: Links, label: IntArray, place: IntArray) -> tuple[IntArray, IntArray]:
-    """A verdict (N,) on each blob so far, and the blob that holds each place (rows, columns), or -1.
+@dataclass(frozen=True, slots=True, eq=False)
+class _Table:
+    """A picture and its blobs, to measure with."""
 
-    Of two blobs in one place, the one on the surer surface holds it.
-    """
-    nats = surface_evidence(code, links, label, place)
-    verdict = np.full(len(place), int(Verdict.DECODED))
-    verdict[~(nats > SIGNIFICANCE)] = Verdict.TOO_FEW
-    verdict[place < 0] = Verdict.NO_PLACE
-    verdict[(links.neighbour < 0).all(axis=1)] = Verdict.ALONE
-    index = np.flatnonzero(verdict == Verdict.DECODED)
-    index = index[np.argsort(nats[index], kind="stable")]
-    row, column, _ = code.split(place[index])
-    holder = np.full((code.rows, code.columns), NONE)
-    holder[row, column] = index
-    verdict[index[holder[row, column] != index]] = Verdict.DOUBLED
-    return verdict, holder
+    picture: Image
+    scale: int
+    gain: float
+    blocks: Blocks
+    colors: Colors
+    code: Code
+    duty: float
+
+    def extended(self, surfaces: Surfaces, holder: IntArray, joints: Joints) -> Surfaces:
+        """`surfaces`, and the blobs of `holder` on theirs, measured; those that are cut go, and all of it grows."""
+        coarse = (held_by(holder, self.blocks.centre, np.nan) + 0.5) * self.scale - 0.5
+        centres = refine_centres(self.picture, coarse, joints, self.duty)
+        position = centres.camera_px
+        there = np.isfinite(position[..., 0])
+        there &= ~cut_blocks(self.picture, position, joints.between(there), self.duty)
+        joints = joints.between(there)
+        new = there[..., None]
+        together = Surfaces(
+            np.where(new, position, surfaces.position),
+            np.where(new, held_by(holder, self.blocks.color, np.nan), surfaces.light),
+            np.where(there, centres.doubt_px, surfaces.doubt),
+            surfaces.misfit,
+            Joints(surfaces.joints.right | joints.right, surfaces.joints.down | joints.down),
+        )
+        return grow(self.picture, self.gain, together, there, self.colors, self.code.cells, self.duty)
+
+    def scaled(self, position: FloatArray) -> FloatArray:
+        """Pixels of the picture in those of the blobs."""
+        return (position + 0.5) / self.scale - 0.5
+
+    def nearest_cells(self, surfaces: Surfaces) -> tuple[IntArray, FloatArray]:
+        """Cell (N,) of the block that each blob is, or covers, or -1; and the distance of its centre."""
+        position = self.scaled(surfaces.position)
+        u, v, _ = slopes(position, surfaces.joints)
+        pitch = np.minimum(np.linalg.norm(u, axis=-1), np.linalg.norm(v, axis=-1)).ravel()
+        cells = np.flatnonzero(np.isfinite(pitch))
+        if not len(cells):
+            return np.full(len(self.blocks), NONE), np.full(len(self.blocks), np.inf)
+        distance, index = nearest(position.reshape(-1, 2)[cells], self.blocks.centre)
+        return np.where(distance < OWN_PLACE * pitch[cells][index], cells[index], NONE), distance
 
 
-def _on_surfaces(
-    code: Code, blocks: Blocks, links: Links, place: IntArray, right: BoolArray, holder: IntArray
-) -> tuple[IntArray, Joints]:
-    """`holder` without the blocks whose size, or distance from their neighbours, is not their surface's; and joints."""
-    joints = joined_places(links, place, holder)
-    for _ in range(2):
-        position = held_by(holder, blocks.centre, np.nan)
-        joints = sound_joints(position, joined_places(links, place, holder))
-        keep = in_squares(joints) & whole_blocks(held_by(holder, blocks.shape, np.nan), position, joints)
-        keep &= patch_evidence(code, joints, keep, held_by(holder, right, False)) > SIGNIFICANCE
-        holder = np.where(keep, holder, NONE)
-    return holder, joints.between(holder >= 0)
+def _nearest_blobs(code: Code, cell: IntArray, distance: FloatArray) -> IntArray:
+    """Blob (rows, columns) nearest to each block, of those (N,) that are in its `cell`, or -1."""
+    order = np.argsort(-distance, kind="stable")
+    order = order[cell[order] >= 0]
+    holder = np.full(code.cells.size, NONE)
+    holder[cell[order]] = order
+    return holder.reshape(code.cells.shape)
 
 
 def _halved(picture: Image, halvings: int) -> Image:
@@ -119,8 +142,14 @@ def _halved(picture: Image, halvings: int) -> Image:
     return np.asarray(cv2.resize(picture[: h * scale, : w * scale], (w, h), interpolation=cv2.INTER_AREA))
 
 
-def _eight_bits(picture: Image) -> NDArray[np.uint8]:
+def _gain(picture: Image) -> float:
+    """What grey levels of `picture` are multiplied with to be those of eight bits."""
+    if picture.dtype == np.uint8:
+        return 1.0
+    return 255.0 / max(float(np.percentile(picture[::4, ::4], 99.9)), 1.0)
+
+
+def _eight_bits(picture: Image, gain: float) -> NDArray[np.uint8]:
     if picture.dtype == np.uint8:
         return picture
-    brightest = max(float(np.percentile(picture[::4, ::4], 99.9)), 1.0)
-    return np.asarray(cv2.convertScaleAbs(picture, alpha=255.0 / brightest), dtype=np.uint8)
+    return np.asarray(cv2.convertScaleAbs(picture, alpha=gain), dtype=np.uint8)

@@ -49,7 +49,6 @@ class GridSight:
     halvings : how many times it was halved to find the blocks.
     blocks, links : in pixels of the halved picture.
     label : (N,) colour index of each blob.
-    place : (N,) place in the code, or -1.
     verdict : (N,) a `Verdict` each.
     holder : (rows, columns) blob that holds the place, or -1.
     centre_px, sigma_px, confidence, color : of every place that was decoded, in pixels of `picture`.
@@ -61,7 +60,6 @@ class GridSight:
     blocks: Blocks
     links: Links
     label: IntArray
-    place: IntArray
     verdict: IntArray
     holder: IntArray
     centre_px: FloatArray

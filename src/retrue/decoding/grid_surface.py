@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from retrue.geometry.arrays import BoolArray, FloatArray
+from retrue.geometry.compiling import OUT_STACK, STACK, VECTOR, compiled, numba
 
 CREASE = 0.1  # change of the pitch from one block to the next that no smooth surface shows
 OUTLIER_SIGMAS = 5.0
@@ -35,24 +36,6 @@ class Joints:
         right, down = np.pad(self.right, ((0, 0), (1, 1))), np.pad(self.down, ((1, 1), (0, 0)))
         return right[:, :-1] & right[:, 1:] & down[:-1] & down[1:]
 
-    def towards(self, direction: tuple[int, int]) -> BoolArray:
-        """The same as `step`, also backwards along rows and columns."""
-        back = (-direction[0], -direction[1])
-        return self.step(direction) if min(direction) >= 0 else shifted(self.step(back), direction, False)
-
-    def step(self, direction: tuple[int, int]) -> BoolArray:
-        """(rows, columns) whether each is linked to the one in `direction` (down, right), diagonals over a corner."""
-        right = np.pad(self.right, ((0, 0), (0, 1)))
-        down = np.pad(self.down, ((0, 1), (0, 0)))
-        if direction == (0, 1):
-            return right
-        if direction == (1, 0):
-            return down
-        if direction == (1, 1):
-            return (right & shifted(down, (0, 1), False)) | (down & shifted(right, (1, 0), False))
-        left = shifted(right, (0, -1), False)
-        return (left & shifted(down, (0, -1), False)) | (down & shifted(left, (1, 0), False))
-
 
 def shifted(grid: NDArray[Scalar], step: tuple[int, int], fill: float) -> NDArray[Scalar]:
     """`grid` (rows, columns, ...) seen from one `step` (down, right) away: result[r, c] = grid[r + down, c + right]."""
@@ -70,10 +53,65 @@ def slopes(position: FloatArray, joints: Joints) -> tuple[FloatArray, FloatArray
 
     One-sided at the ends of a surface; where a block has no neighbour in a direction, as its other neighbours have it.
     """
-    right, right_bend = _derivative(position, joints, (0, 1))
-    down, down_bend = _derivative(position, joints, (1, 0))
-    here = np.isfinite(position[..., 0])
-    return _borrowed(right, here, joints), _borrowed(down, here, joints), right_bend + down_bend
+    u, v, bend = np.full_like(position, np.nan), np.full_like(position, np.nan), np.zeros_like(position)
+    _slopes(np.ascontiguousarray(position), joints.right, u, bend, 0, 1)
+    _slopes(np.ascontiguousarray(position), joints.down, v, bend, 1, 0)
+    for slope in (u, v):
+        _borrow(slope.copy(), np.isfinite(position[..., 0]), joints.right, joints.down, slope)
+    return u, v, bend
+
+
+_FLAGS = numba.types.Array(numba.boolean, 2, "A", readonly=True)
+
+
+@compiled(numba.void(STACK, _FLAGS, OUT_STACK, OUT_STACK, numba.int64, numba.int64))
+def _slopes(
+    position: FloatArray, linked: BoolArray, slope: FloatArray, bend: FloatArray, down: int, right: int
+) -> None:
+    """`slope` (rows, columns, 2) <- mean of the steps before and after each block; `bend` += their difference."""
+    rows, columns, _ = position.shape
+    for r in range(rows):
+        for c in range(columns):
+            ahead = r < rows - down and c < columns - right and linked[r, c]
+            behind = r >= down and c >= right and linked[r - down, c - right]
+            size, change = 0.0, 0.0
+            for k in range(2):
+                here = position[r, c, k]
+                step = position[r + down, c + right, k] - here if ahead else np.nan
+                before = here - position[r - down, c - right, k] if behind else np.nan
+                if np.isnan(step):
+                    slope[r, c, k] = before
+                elif np.isnan(before):
+                    slope[r, c, k] = step
+                else:
+                    slope[r, c, k] = (step + before) / 2
+                size += slope[r, c, k] ** 2
+                change += (step - before) ** 2
+            if change < CREASE**2 * size:
+                for k in range(2):
+                    bend[r, c, k] += position[r + down, c + right, k] - 2 * position[r, c, k]
+                    bend[r, c, k] += position[r - down, c - right, k]
+
+
+@compiled(numba.void(OUT_STACK, _FLAGS, _FLAGS, _FLAGS, OUT_STACK))
+def _borrow(known: FloatArray, here: BoolArray, right: BoolArray, down: BoolArray, slope: FloatArray) -> None:
+    """`slope`, where blocks that are `here` lack it, <- the mean of what their linked neighbours have."""
+    rows, columns, _ = known.shape
+    for r in range(rows):
+        for c in range(columns):
+            if not here[r, c] or np.isfinite(known[r, c, 0]):
+                continue
+            x, y, count = 0.0, 0.0, 0
+            for dr, dc in ((0, 1), (0, -1), (1, 0), (-1, 0)):
+                i, j = r + dr, c + dc
+                if not (0 <= i < rows and 0 <= j < columns and np.isfinite(known[i, j, 0])):
+                    continue
+                if right[r, min(c, j)] if dr == 0 else down[min(r, i), c]:
+                    x += known[i, j, 0]
+                    y += known[i, j, 1]
+                    count += 1
+            if count > 0:
+                slope[r, c, 0], slope[r, c, 1] = x / count, y / count
 
 
 def sound_joints(position: FloatArray, joints: Joints) -> Joints:
@@ -82,10 +120,30 @@ def sound_joints(position: FloatArray, joints: Joints) -> Joints:
     Where a surface hides part of another, blocks that are no neighbours stand side by side, and at a distance of
     their own.
     """
-    return Joints(
-        _like_another(position, joints.step((0, 1)), (0, 1))[:, :-1],
-        _like_another(position, joints.step((1, 0)), (1, 0))[:-1],
-    )
+    right, down = np.zeros_like(joints.right), np.zeros_like(joints.down)
+    position = np.ascontiguousarray(position)
+    _like_another(position, joints.right, 0, 1, right)
+    _like_another(position, joints.down, 1, 0, down)
+    return Joints(right, down)
+
+
+@compiled(numba.void(STACK, _FLAGS, numba.int64, numba.int64, numba.types.Array(numba.boolean, 2, "C")))
+def _like_another(position: FloatArray, linked: BoolArray, down: int, right: int, alike: BoolArray) -> None:
+    """`alike` <- which of the `linked` steps to (down, right) are like the one beside, before or after them."""
+    rows, columns = linked.shape
+    for r in range(rows):
+        for c in range(columns):
+            if not linked[r, c]:
+                continue
+            x = position[r + down, c + right, 0] - position[r, c, 0]
+            y = position[r + down, c + right, 1] - position[r, c, 1]
+            for dr, dc in ((0, 1), (0, -1), (1, 0), (-1, 0)):
+                i, j = r + dr, c + dc
+                if 0 <= i < rows and 0 <= j < columns and linked[i, j]:
+                    dx = position[i + down, j + right, 0] - position[i, j, 0] - x
+                    dy = position[i + down, j + right, 1] - position[i, j, 1] - y
+                    if dx * dx + dy * dy < STEP_CHANGE**2 * (x * x + y * y):
+                        alike[r, c] = True
 
 
 def in_squares(joints: Joints) -> BoolArray:
@@ -102,25 +160,58 @@ def whole_blocks(shape: FloatArray, position: FloatArray, joints: Joints) -> Boo
     `shape` (rows, columns, 2, 2) are the second moments M of the blocks; in grid units, J^-1 M J^-T with J the steps.
     """
     right, down, _ = slopes(position, joints)
-    determinant = right[..., 0] * down[..., 1] - right[..., 1] * down[..., 0]
-    with np.errstate(divide="ignore", invalid="ignore"):
-        across = np.stack([down[..., 1], -down[..., 0]], axis=-1) / determinant[..., None]  # rows of J^-1
-        along = np.stack([-right[..., 1], right[..., 0]], axis=-1) / determinant[..., None]
-        rows = np.stack([across, along], axis=-2)
-        side = np.sqrt(np.einsum("rcki,rcij,rckj->rck", rows, shape, rows))
-    known = np.isfinite(side).all(axis=-1)
+    side = np.full_like(position, np.nan)
+    _sides(np.ascontiguousarray(shape.reshape(*shape.shape[:2], 4)), right, down, side)
+    known: BoolArray = np.isfinite(side[..., 0] + side[..., 1])
     if not known.any():
         return known
     usual = np.median(side[known], axis=0)
-    neighbours = [
-        np.where(linked[..., None], shifted(side, direction, np.nan), np.nan)
-        for direction, linked in ((step, joints.towards(step)) for step in ((0, 1), (0, -1), (1, 0), (-1, 0)))
-    ]
-    like = np.stack(neighbours)
-    like = np.median(np.where(np.isfinite(like), like, usual), axis=0)
-    pixels = 12**0.5 * like * np.stack([np.linalg.norm(right, axis=-1), np.linalg.norm(down, axis=-1)], axis=-1)
-    change = SIDE_CHANGE + PIXELS_CHANGE / np.maximum(pixels, 1.0)
-    return known & ((side < change * like) & (side > like / change)).all(axis=-1)
+    _compare_sides(side, usual, right, down, joints.right, joints.down, known)
+    return known
+
+
+@compiled(numba.void(STACK, STACK, STACK, OUT_STACK))
+def _sides(shape: FloatArray, right: FloatArray, down: FloatArray, side: FloatArray) -> None:
+    """`side` (rows, columns, 2) <- standard deviation of each block along its row and column, in steps of the grid."""
+    for r in range(len(shape)):
+        for c in range(shape.shape[1]):
+            ux, uy, vx, vy = right[r, c, 0], right[r, c, 1], down[r, c, 0], down[r, c, 1]
+            xx, xy, yy = shape[r, c, 0], shape[r, c, 1], shape[r, c, 3]
+            size = abs(ux * vy - uy * vx)
+            side[r, c, 0] = np.sqrt(vy * vy * xx - 2 * vx * vy * xy + vx * vx * yy) / size
+            side[r, c, 1] = np.sqrt(uy * uy * xx - 2 * ux * uy * xy + ux * ux * yy) / size
+
+
+@compiled(numba.void(STACK, VECTOR, STACK, STACK, _FLAGS, _FLAGS, numba.types.Array(numba.boolean, 2, "C")))
+def _compare_sides(
+    side: FloatArray,
+    usual: FloatArray,
+    right: FloatArray,
+    down: FloatArray,
+    linked_right: BoolArray,
+    linked_down: BoolArray,
+    alike: BoolArray,
+) -> None:
+    """`alike` is cleared where a block's sides are not those of its linked neighbours, or the `usual` ones for lack."""
+    rows, columns = alike.shape
+    others = np.empty(4)
+    for r in range(rows):
+        for c in range(columns):
+            if not alike[r, c]:
+                continue
+            for k in range(2):
+                for n, (dr, dc) in enumerate(((0, 1), (0, -1), (1, 0), (-1, 0))):
+                    i, j = r + dr, c + dc
+                    others[n] = usual[k]
+                    if 0 <= i < rows and 0 <= j < columns:
+                        linked = linked_right[r, min(c, j)] if dr == 0 else linked_down[min(r, i), c]
+                        if linked and np.isfinite(side[i, j, k]):
+                            others[n] = side[i, j, k]
+                like = (others.sum() - others.min() - others.max()) / 2  # their median
+                pitch = np.hypot(right[r, c, 0], right[r, c, 1]) if k == 0 else np.hypot(down[r, c, 0], down[r, c, 1])
+                change = SIDE_CHANGE + PIXELS_CHANGE / max(12**0.5 * like * pitch, 1.0)
+                if not like / change < side[r, c, k] < change * like:
+                    alike[r, c] = False
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -147,68 +238,49 @@ def agreement(position: FloatArray, joints: Joints) -> Agreement:
     A crease or the edge of a surface leaves at least one of these lines straight; a block that is off all of
     them is off the surface, or was measured badly.
     """
-    both_sides = [_linked_on_both_sides(joints, direction) for direction in DIRECTIONS]
-    middles = _middles(position, both_sides)
-    off = position - middles
-    distance = np.linalg.norm(off, axis=-1)
-    known = np.isfinite(distance)
-    sample = np.abs(off[known])
+    lines = middles(position, joints)
+    off = position - lines
+    distance = np.sqrt((off**2).sum(axis=-1))
+    sample = np.abs(off[np.isfinite(distance)])
     sigma = max(float(np.median(sample)) / (0.6745 * 1.5**0.5), LEAST_SIGMA) if len(sample) else LEAST_SIGMA
-    closest = np.min(np.where(known, distance, np.inf), axis=0)
-    odd = np.isfinite(position[..., 0]) & (closest > OUTLIER_SIGMAS * sigma)
-    clean = np.where(odd[..., None], np.nan, position)
-    lines = _middles(clean, both_sides)
+    here = np.isfinite(position[..., 0])
+    odd = here & ~(np.fmin.reduce(distance) <= OUTLIER_SIGMAS * sigma)
+    if odd.any():
+        lines = middles(np.where(odd[..., None], np.nan, position), joints)
     count = np.isfinite(lines[..., 0]).sum(axis=0)
-    expected = np.nansum(lines, axis=0) / np.where(count > 0, count, np.nan)[..., None]
-    spread = np.max(np.nan_to_num(np.linalg.norm(lines - expected, axis=-1)), axis=0)
-    expected[count < 2] = np.nan
+    expected = np.nansum(lines, axis=0) / np.where(count > 1, count, np.nan)[..., None]
+    spread = np.nan_to_num(np.sqrt(np.fmax.reduce(((lines - expected) ** 2).sum(axis=-1))))
     return Agreement(odd, expected, spread, sigma)
 
 
-def _like_another(position: FloatArray, linked: BoolArray, direction: tuple[int, int]) -> BoolArray:
-    step = np.where(linked[..., None], shifted(position, direction, np.nan) - position, np.nan)
-    others = [shifted(step, other, np.nan) for other in ((0, 1), (0, -1), (1, 0), (-1, 0))]
-    change = np.stack([np.linalg.norm(step - other, axis=-1) for other in others])
-    nearest = np.min(np.where(np.isfinite(change), change, np.inf), axis=0)
-    return linked & (nearest < STEP_CHANGE * np.linalg.norm(step, axis=-1))
+def middles(position: FloatArray, joints: Joints) -> FloatArray:
+    """(4, rows, columns, 2) middle of the two linked neighbours of each block in each of DIRECTIONS; NaN where none."""
+    lines = np.full((len(DIRECTIONS), *position.shape), np.nan)
+    _middles(np.ascontiguousarray(position), joints.right, joints.down, lines)
+    return lines
 
 
-def _derivative(position: FloatArray, joints: Joints, direction: tuple[int, int]) -> tuple[FloatArray, FloatArray]:
-    back = (-direction[0], -direction[1])
-    step = np.where(joints.step(direction)[..., None], shifted(position, direction, np.nan) - position, np.nan)
-    before = shifted(step, back, np.nan)
-    both = np.isfinite(step + before)
-    slope = np.where(both, (step + before) / 2, np.where(np.isfinite(step), step, before))
-    bend = np.where(both, step - before, 0.0)
-    sharp = ~(np.linalg.norm(bend, axis=-1) < CREASE * np.linalg.norm(slope, axis=-1))
-    return slope, np.where(sharp[..., None], 0.0, bend)
+_LINES = numba.types.Array(numba.float64, 4, "C")
 
 
-def _borrowed(slope: FloatArray, here: BoolArray, joints: Joints) -> FloatArray:
-    """`slope`, where blocks that are `here` lack it, as the mean of what their linked neighbours have."""
-    if np.isfinite(slope[here]).all():
-        return slope
-    total, count = np.zeros_like(slope), np.zeros_like(slope)
-    for direction in ((0, 1), (1, 0)):
-        linked = joints.step(direction)
-        ahead = np.where(linked[..., None], shifted(slope, direction, np.nan), np.nan)
-        back = (-direction[0], -direction[1])
-        behind = np.where(shifted(linked, back, False)[..., None], shifted(slope, back, np.nan), np.nan)
-        for side in (ahead, behind):
-            total += np.nan_to_num(side)
-            count += np.isfinite(side)
-    return np.where(np.isfinite(slope), slope, total / np.where(count > 0, count, np.nan))
-
-
-def _linked_on_both_sides(joints: Joints, direction: tuple[int, int]) -> BoolArray:
-    linked = joints.step(direction)
-    return linked & shifted(linked, (-direction[0], -direction[1]), False)
-
-
-def _middles(position: FloatArray, both_sides: list[BoolArray]) -> FloatArray:
-    """(4, rows, columns, 2) the middle of the two neighbours of each block in each of DIRECTIONS; NaN where none."""
-    middles = np.full((len(DIRECTIONS), *position.shape), np.nan)
-    for middle, linked, (down, right) in zip(middles, both_sides, DIRECTIONS, strict=True):
-        ahead, behind = shifted(position, (down, right), np.nan), shifted(position, (-down, -right), np.nan)
-        middle[linked] = (ahead[linked] + behind[linked]) / 2
-    return middles
+@compiled(numba.void(STACK, _FLAGS, _FLAGS, _LINES))
+def _middles(position: FloatArray, right: BoolArray, down: BoolArray, lines: FloatArray) -> None:
+    """The same; a diagonal neighbour is linked over either corner."""
+    rows, columns, _ = position.shape
+    linked = np.zeros((4, rows, columns), dtype=np.bool_)  # each block to the next in that direction
+    for r in range(rows):
+        for c in range(columns):
+            ahead, below = c < columns - 1 and right[r, c], r < rows - 1 and down[r, c]
+            linked[0, r, c], linked[1, r, c] = ahead, below
+            if r == rows - 1:
+                continue
+            if c < columns - 1:
+                linked[2, r, c] = (ahead and down[r, c + 1]) or (below and right[r + 1, c])
+            if c > 0:
+                linked[3, r, c] = (right[r, c - 1] and down[r, c - 1]) or (below and right[r + 1, c - 1])
+    for k, (dr, dc) in enumerate(DIRECTIONS):
+        for r in range(dr, rows - dr):
+            for c in range(abs(dc), columns - abs(dc)):
+                if linked[k, r, c] and linked[k, r - dr, c - dc]:
+                    for i in range(2):
+                        lines[k, r, c, i] = (position[r + dr, c + dc, i] + position[r - dr, c - dc, i]) / 2

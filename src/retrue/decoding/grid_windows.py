@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from functools import lru_cache
-from typing import cast
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,6 +11,7 @@ from retrue.decoding.grid_links import NONE, Links
 from retrue.decoding.grid_surface import Joints
 from retrue.errors import InputError
 from retrue.geometry.arrays import BoolArray, FloatArray, IntArray
+from retrue.geometry.compiling import compiled, numba
 from retrue.patterns.color_grid import ColorGrid
 
 EXACT_VOTE, CORRECTED_VOTE = 3, 1
@@ -51,11 +51,10 @@ class Code:
 
     def moved(self, place: IntArray, offset: IntArray, turn: IntArray) -> IntArray:
         """Place of the block at `offset` (row, column) in the frame of the block at `place`, or -1 outside."""
-        row, column, rotation = self.split(place)
-        step = rotated(offset, rotation)
-        row, column = row + step[..., 0], column + step[..., 1]
-        inside = (place >= 0) & (row >= 0) & (row < self.rows) & (column >= 0) & (column < self.columns)
-        return np.where(inside, (row * self.columns + column) * 4 + (rotation - turn) % 4, NONE)
+        place, down, right, turn = np.broadcast_arrays(place, offset[..., 0], offset[..., 1], turn)
+        result = np.empty(place.shape, dtype=np.int64)
+        _moved(*(np.ravel(a) for a in (place, down, right, turn)), self.rows, self.columns, result.reshape(-1))
+        return result
 
     def color(self, place: IntArray) -> IntArray:
         """Colour index that the code has at each place; -1 for none."""
@@ -82,6 +81,21 @@ class Code:
         step = np.diff(keys[order]) != 0
         alone = np.concatenate([[True], step]) & np.concatenate([step, [True]])
         return weight, keys[order[alone]], self.places[order[alone]]
+
+
+_INTEGERS = numba.types.Array(numba.int64, 1, "C", readonly=True)
+
+
+@compiled(numba.void(*[_INTEGERS] * 4, numba.int64, numba.int64, numba.types.Array(numba.int64, 1, "C")))
+def _moved(
+    place: IntArray, down: IntArray, right: IntArray, turn: IntArray, rows: int, columns: int, result: IntArray
+) -> None:
+    for i in range(len(place)):
+        rotation, cell = place[i] % 4, place[i] // 4
+        row = cell // columns + down[i] * COSINE[rotation] + right[i] * SINE[rotation]
+        column = cell % columns + right[i] * COSINE[rotation] - down[i] * SINE[rotation]
+        inside = place[i] >= 0 and 0 <= row < rows and 0 <= column < columns
+        result[i] = (row * columns + column) * 4 + (rotation - turn[i]) % 4 if inside else NONE
 
 
 @lru_cache(maxsize=4)
@@ -160,16 +174,29 @@ def patch_evidence(code: Code, joints: Joints, held: BoolArray, right: BoolArray
 def _evidence(code: Code, start: IntArray, end: IntArray, placed: BoolArray, right: BoolArray) -> FloatArray:
     """m of n colours right has probability C(n, m) q^m, q of one colour by chance; and a surface could have been laid
     over any place of the code, starting from any of its blocks."""
-    from scipy.sparse import coo_array, csgraph
     from scipy.special import gammaln
 
     count = len(placed)
-    graph = coo_array((np.ones(len(start), np.int8), (start, end)), shape=(count, count))
-    surface = cast(tuple[int, IntArray], csgraph.connected_components(graph, directed=False))[1]
+    surface = np.arange(count)
+    _join(np.ascontiguousarray(start, dtype=np.int64), np.ascontiguousarray(end, dtype=np.int64), surface)
     n, m = np.bincount(surface, placed), np.bincount(surface, placed & right)
     log_chance = gammaln(n + 1) - gammaln(m + 1) - gammaln(n - m + 1) - m * np.log(max(code.base - 1, 2))
     log_trials = np.log(len(code.windows)) + np.log(max(int(placed.sum()), 1))
     return np.where(placed, -(log_chance + log_trials)[surface], -np.inf)
+
+
+@compiled(numba.void(_INTEGERS, _INTEGERS, numba.types.Array(numba.int64, 1, "C")))
+def _join(start: IntArray, end: IntArray, surface: IntArray) -> None:
+    """`surface` (N,), 0 .. N - 1 at first <- one number for all that are linked."""
+    for k in range(len(start)):
+        a, b = start[k], end[k]
+        while surface[a] != a:
+            surface[a] = a = surface[surface[a]]
+        while surface[b] != b:
+            surface[b] = b = surface[surface[b]]
+        surface[max(a, b)] = min(a, b)
+    for k in range(len(surface)):
+        surface[k] = surface[surface[k]]
 
 
 def joined_places(links: Links, place: IntArray, holder: IntArray) -> Joints:

@@ -37,22 +37,47 @@ class Table:
         """With a header line; six significant digits."""
         return "\n".join(",".join(map(_cell, line)) for line in (self.columns, *self.rows)) + "\n"
 
-    def text(self) -> str:
-        """For people: aligned columns, three significant digits."""
-        lines = [self.columns, *(tuple(_short(cell) for cell in row) for row in self.rows)]
-        widths = [max(len(line[k]) for line in lines) for k in range(len(self.columns))]
-        numeric = [all(not isinstance(row[k], str) for row in self.rows) for k in range(len(self.columns))]
-        return "\n".join(
-            [
-                self.name,
-                *(
-                    "  ".join(
-                        cell.rjust(w) if n else cell.ljust(w) for cell, w, n in zip(line, widths, numeric, strict=True)
-                    ).rstrip()
-                    for line in lines
-                ),
-            ]
-        )
+    def text(self, width: int | None = None) -> str:
+        """For people: aligned columns, three significant digits; folded into several blocks where it is too wide.
+
+        >>> print(Table("speed", ("what", "us"), [("ours", 1.25)]).text(width=8))
+        speed
+           what
+        1  ours
+        <BLANKLINE>
+             us
+        1  1.25
+        """
+        columns = [self._aligned(k) for k in range(len(self.columns))]
+        blocks = [columns]
+        if width is not None and sum(len(column[0]) + 2 for column in columns) - 2 > width:
+            blocks = _folded(columns, width)
+        return "\n\n".join([f"{self.name}\n{_block(blocks[0])}", *map(_block, blocks[1:])])
+
+    def _aligned(self, k: int) -> list[str]:
+        """One column, its name above it, all of one length: words flush left, numbers flush right."""
+        cells = [self.columns[k], *(_short(row[k]) for row in self.rows)]
+        widest = max(map(len, cells))
+        words = any(isinstance(row[k], str) for row in self.rows)
+        return [cell.ljust(widest) if words else cell.rjust(widest) for cell in cells]
+
+
+def _folded(columns: list[list[str]], width: int) -> list[list[list[str]]]:
+    """So many columns a block as fit, each block begun by the number of the row."""
+    last = len(columns[0]) - 1
+    numbers = [f"{row or '':>{len(str(last))}}" for row in range(last + 1)]
+    blocks, used = [[numbers]], len(numbers[0])
+    for column in columns:
+        used += 2 + len(column[0])
+        if used > width and len(blocks[-1]) > 1:
+            blocks.append([numbers])
+            used = len(numbers[0]) + 2 + len(column[0])
+        blocks[-1].append(column)
+    return blocks
+
+
+def _block(columns: list[list[str]]) -> str:
+    return "\n".join("  ".join(line).rstrip() for line in zip(*columns, strict=True))
 
 
 @dataclass(frozen=True, slots=True)

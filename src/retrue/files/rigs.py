@@ -9,7 +9,7 @@ import numpy as np
 from retrue.errors import FileError, InputError
 from retrue.files.atomic import replaced_file
 from retrue.files.device_formats import camera_from_mrcal, camera_from_ros, is_mrcal, is_ros, mrcal_text, ros_text
-from retrue.files.rig_json import FORMAT, parse_json, rig_from_json, rig_to_json
+from retrue.files.rig_json import FORMAT, LONGEST_UNIT, parse_json, rig_from_json, rig_to_json
 from retrue.files.storage import Storage, Syntax, parse_storage, storage_text
 from retrue.files.text import read_text
 from retrue.files.tool_formats import (
@@ -48,6 +48,8 @@ def read_rig(
         contradicts the file.
     """
     path = Path(path)
+    if unit is not None and not (unit.strip() and unit.isprintable() and len(unit) <= LONGEST_UNIT):
+        raise InputError(f'unit: expected the name of the unit of length, such as "mm", found {unit[:LONGEST_UNIT]!r}')
     content = _content(path)
     if isinstance(content, Camera):
         raise FileError(path, "expected a rig, found one device; use it as known intrinsics of the camera or projector")

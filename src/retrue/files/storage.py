@@ -9,7 +9,7 @@ YAML of ROS, which has the same shape.
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Literal, cast
@@ -92,10 +92,16 @@ def parse_storage(path: Path, text: str) -> Storage:
     """The entries of a FileStorage file, whichever syntax `text` is in."""
     start = text.lstrip()[:1]
     if start == "<":
-        return Storage(path, _xml_entries(path, text))
-    if start == "{":
-        return Storage(path, _json_entries(parse_json(path, text)))
-    return Storage(path, _yaml_entries(text))
+        nodes = _xml_nodes(path, text)
+    elif start == "{":
+        nodes = _json_nodes(parse_json(path, text))
+    else:
+        nodes = _yaml_nodes(text)
+    entries: dict[str, Entry] = {}
+    for name, fields in nodes:
+        entry = Entry(fields["data"], _shape(fields))
+        entries[name] = entry if entries.get(name, entry) == entry else CONTRADICTION
+    return Storage(path, entries)
 
 
 def storage_text(entries: Mapping[str, Value], syntax: Syntax) -> str:
@@ -109,60 +115,51 @@ def storage_text(entries: Mapping[str, Value], syntax: Syntax) -> str:
     return "%YAML:1.0\n---\n" + "".join(_yaml_entry(name, value) for name, value in entries.items())
 
 
-# Reading
+# Reading: every syntax gives entries of the same shape, by the fields of OpenCV's matrices; a plain value is `data`.
 
+Fields = Mapping[str, tuple[str, ...]]
+Node = tuple[str, Fields]
+CONTRADICTION = Entry(("two different entries of this name",))
 YAML_KEY = re.compile(r"""^["']?([A-Za-z_][\w.-]*)["']?[ \t]*:(?=[ \t\r]|$)""")
 YAML_FIELD = re.compile(r"^[ \t]*(rows|cols|sizes|dt|data)[ \t]*:", re.MULTILINE)
 
 
-def _yaml_entries(text: str) -> dict[str, Entry]:
-    blocks: dict[str, list[str]] = {}
-    block: list[str] = []
-    for line in text.splitlines():
+def _yaml_nodes(text: str) -> Iterator[Node]:
+    name, block = "", list[str]()
+    for line in [*text.splitlines(), "end:"]:
         if line.startswith(("%", "#", "---", "...")):
             continue
         if key := YAML_KEY.match(line):
-            block = blocks.setdefault(key[1], [])
-            block.clear()
-            line = line[key.end() :]
+            if name:
+                yield name, _yaml_fields("\n".join(block))
+            name, block, line = key[1], [], line[key.end() :]
         block.append(line)
-    return {name: _yaml_entry_of("\n".join(lines)) for name, lines in blocks.items()}
 
 
-def _yaml_entry_of(block: str) -> Entry:
+def _yaml_fields(block: str) -> Fields:
     pieces = YAML_FIELD.split(block)
-    fields = dict(zip(pieces[1::2], pieces[2::2], strict=True))
-    if "data" in fields:
-        return Entry(_words(fields.pop("data")), _shape({name: _words(value) for name, value in fields.items()}))
-    return Entry(_words(block))
+    fields = {name: _words(value) for name, value in zip(pieces[1::2], pieces[2::2], strict=True)}
+    return fields if "data" in fields else {"data": _words(block)}
 
 
-def _xml_entries(path: Path, text: str) -> dict[str, Entry]:
+def _xml_nodes(path: Path, text: str) -> Iterator[Node]:
     if re.search(r"<!(?!--)", text):
         raise FileError(path, "expected OpenCV's XML, found a declaration (<!...); such files are not read")
     try:
         root = ElementTree.fromstring(text)
     except (ElementTree.ParseError, ValueError, RecursionError) as error:
         raise FileError(path, f"expected XML, found {error}") from error
-    entries: dict[str, Entry] = {}
     for element in root:
         fields = {child.tag: _words(child.text or "") for child in element}
-        if "data" in fields:
-            entries[element.tag] = Entry(fields.pop("data"), _shape(fields))
-        else:
-            entries[element.tag] = Entry(_words(element.text or ""))
-    return entries
+        yield element.tag, fields if "data" in fields else {"data": _words(element.text or "")}
 
 
-def _json_entries(document: Mapping[str, Any]) -> dict[str, Entry]:
-    entries: dict[str, Entry] = {}
+def _json_nodes(document: Mapping[str, Any]) -> Iterator[Node]:
     for name, value in document.items():
+        fields: dict[str, Any] = {"data": value}
         if isinstance(value, dict) and "data" in value:
-            fields = {key: _json_words(item) for key, item in cast(dict[str, Any], value).items()}
-            entries[name] = Entry(fields.pop("data"), _shape(fields))
-        else:
-            entries[name] = Entry(_json_words(value))
-    return entries
+            fields = cast(dict[str, Any], value)
+        yield name, {key: _json_words(item) for key, item in fields.items()}
 
 
 def _json_words(value: Any, depth: int = 0) -> tuple[str, ...]:
@@ -178,7 +175,7 @@ def _words(text: str) -> tuple[str, ...]:
     return tuple(re.sub(r"[\[\],]", " ", text).split())
 
 
-def _shape(fields: Mapping[str, Iterable[str]]) -> tuple[int, ...] | None:
+def _shape(fields: Fields) -> tuple[int, ...] | None:
     sides = [word for name in ("rows", "cols", "sizes") for word in fields.get(name, ())]
     if len(sides) > MOST_SIDES or not all(re.fullmatch(r"[0-9]{1,9}", side) for side in sides):
         return (-1,)  # fits no matrix

@@ -5,7 +5,7 @@ All of them store X_projector = R X_camera + T, and OpenCV's distortion order. N
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal
@@ -122,10 +122,15 @@ def rig_from_storage(
     storage: Storage, tool: ToolFormat, camera_size: Size | None, projector_size: Size | None, unit: str | None
 ) -> Rig:
     """The rig; what the tool does not store must be handed in, and must not contradict what it does."""
+    needed: dict[str, Size | str | None] = {"unit": unit}
+    sizes: tuple[tuple[Role, Size | None], ...] = (("projector", projector_size), ("camera", camera_size))
+    for role, size in sizes:
+        if _size(storage, tool, role) is None:
+            needed = {f"{role}_size": size, **needed}
+    if unit is None or None in needed.values():
+        raise _asking(storage.path, tool.name, needed)
     camera = camera_from_storage(storage, tool, "camera", camera_size)
     projector = camera_from_storage(storage, tool, "projector", projector_size)
-    if unit is None:
-        raise FileError(storage.path, f'unit: {tool.name} does not store the unit of T; say unit, such as "mm"')
     R = storage.matrix(next(name for name in tool.R if name in storage), 3, 3)
     t = storage.vector(next(name for name in tool.T if name in storage), 3)
     try:
@@ -174,10 +179,22 @@ def trimmed(distortion: FloatArray) -> FloatArray:
     return distortion[:12] if len(distortion) == 14 and not distortion[12:].any() else distortion
 
 
+def _asking(path: Path, tool: str, needed: Mapping[str, Size | str | None]) -> FileError:
+    """For what the file does not hold, and nobody may invent; of `needed`, what is None has not been said."""
+    lacking = ", ".join(name for name, value in needed.items() if value is None)
+    flags = " ".join(_flag(name, value) for name, value in needed.items())
+    return FileError(path, f"{tool} does not store {lacking}: add it once, by retrue convert {path} B.json {flags}")
+
+
+def _flag(name: str, value: Size | str | None) -> str:
+    words = value if value is not None else "mm" if name == "unit" else ("W", "H")
+    return " ".join(["--" + name.replace("_", "-"), *([words] if isinstance(words, str) else map(str, words))])
+
+
 def settled_size(path: Path, tool: str, name: str, stored: Size | None, given: Size | None) -> Size:
     """The size that file and caller agree on; never a guess."""
     if stored is None and given is None:
-        raise FileError(path, f"{name}: {tool} does not store it; say {name}, width and height in pixels")
+        raise _asking(path, tool, {name: None})
     if stored is not None and given is not None and tuple(given) != stored:
         raise FileError(path, f"{name}: the file says {stored[0]} x {stored[1]}, you say {given[0]} x {given[1]}")
     return stored or (given if given is not None else (0, 0))

@@ -52,7 +52,7 @@ def fit_homography(
     InputError : shapes that differ, NaN, fewer than four points.
     DegenerateError : the points do not determine H (three of four, or all, on one line; all in one place).
 
-    Source: eq. (12) to (14); Hartley and Zisserman 2004, 4.2.6 and 4.4; METHOD.
+    Source: eq. (12) to (14); Hartley and Zisserman 2004, 4.2.6 and 4.4.
 
     >>> square = [[0, 0], [1, 0], [1, 1], [0, 1], [0.5, 0.2]]
     >>> H = fit_homography(square, apply_homography([[2, 0.1, 3], [0.3, 1, 1], [0.2, 0.1, 1]], square))

@@ -201,7 +201,7 @@ def pose_covariance(information: FloatArray) -> FloatArray:
 def cramer_rao_bound(pose: TwoViewPose, points: TwoViewPoints) -> FloatArray:
     """(5, 5) smallest covariance that any unbiased estimator can have, for noise-free points at the true pose.
 
-    Parameters as in `residuals`; the sigmas of `points` are the true ones. Source: METHOD, point 2.
+    Parameters as in `residuals`; the sigmas of `points` are the true ones. Source: docs/method.md.
     """
     found = residuals(pose, points)
     information, _ = normal_equations(pose, points, found, np.ones(len(points)), np.ones(len(found.rows)))

@@ -43,7 +43,7 @@ def recalibrate(
     ------
     InputError : no captures, or a known distance that the captures cannot give.
 
-    Source: Zhang, Li, Wu 2007, section 3; METHOD, points 3 to 7.
+    Source: Zhang, Li, Wu 2007, section 3.
     """
     options = options or RecalibrateOptions()
     if not captures:

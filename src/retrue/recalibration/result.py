@@ -118,6 +118,7 @@ class Verification:
     sigma : of that drift, the rig's own uncertainty included.
     working_distance : median depth of the points, in the rig's unit.
     cause : why the answer is "unknown"; None where it is not.
+    supported_pose : projector_from_camera that the capture itself supports, with the rig's |t|; None as `drift`.
     drift_sigmas : Mahalanobis length of that drift in the sigma of the capture (chi with 5 degrees of freedom).
     """
 
@@ -130,3 +131,4 @@ class Verification:
     sigma: PoseSigma | None = None
     working_distance: float | None = None
     cause: Reason | None = None
+    supported_pose: RigidTransform | None = None

@@ -107,7 +107,16 @@ def _verify(rig: Rig, captures: Sequence[Correspondences], total: int, options: 
     def verdict(word: Literal["good", "drifted", "unknown"], says: str | Reason) -> Verification:
         cause = says if isinstance(says, Reason) else None
         return Verification(
-            word, str(says), epipolar_rms, total, found, distance, uncertainty, working_distance=depth, cause=cause
+            word,
+            str(says),
+            epipolar_rms,
+            total,
+            found,
+            distance,
+            uncertainty,
+            working_distance=depth,
+            cause=cause,
+            supported_pose=supported,
         )
 
     # A covariance that is too wide is beyond the reach of its linearisation: no drift can be read from it either.
@@ -116,7 +125,7 @@ def _verify(rig: Rig, captures: Sequence[Correspondences], total: int, options: 
         return verdict("unknown", cause)
     moved = f"{found.rotation_deg:.3f} deg in rotation, {found.translation_deg:.3f} deg in the direction of t"
     if depth is not None and found.displacement is not None:
-        moved += f", {found.displacement:.2g} {rig.unit} for points at {depth:.3g} {rig.unit}"
+        moved += f", {found.displacement:.4g} {rig.unit} for points at {depth:.4g} {rig.unit}"
     limit = _distance_limit(options.false_alarms)
     if distance > limit and isinstance(choice, Reason):  # it may have, or this is the twin of a rig that holds
         return verdict("unknown", choice)

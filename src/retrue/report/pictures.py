@@ -31,11 +31,11 @@ def residual_picture(image: Image, points: Correspondences, residuals: Sequence[
 
     figure = blank_figure(6.4 * len(residuals), 5.2)
     rows = _spread(len(points))
-    grey = image if image.ndim == 2 else image.mean(axis=2)
+    photograph = image / np.iinfo(image.dtype).max
     drawn: Any = None
     axes: Any = figure.subplots(1, len(residuals), squeeze=False)[0]
     for axis, (title, residual) in zip(axes, residuals, strict=True):
-        axis.imshow(grey, cmap="gray", alpha=0.6)
+        axis.imshow(photograph, cmap="gray", vmin=0, vmax=1, alpha=0.6)
         size = np.clip(np.abs(residual[rows]), 0.03, 30)
         x, y = points.camera_px[rows].T
         drawn = axis.scatter(x, y, c=size, s=5, cmap="turbo", norm=LogNorm(0.03, 30))

@@ -1,0 +1,156 @@
+"""Small faces: groups of linked blobs that no window placed, laid as a whole over what is left of the code."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import cast
+
+import numpy as np
+
+from retrue.decoding.grid_blocks import Blocks
+from retrue.decoding.grid_links import NONE, Links, bends, whitened_lengths
+from retrue.decoding.grid_nearest import nearest
+from retrue.decoding.grid_surface import Joints, slopes
+from retrue.decoding.grid_windows import COSINE, SINE, Code, rotated
+from retrue.geometry.arrays import BoolArray, FloatArray, IntArray
+
+FEWEST = 6  # blobs of an island
+FAR = 0.15  # nats, for each cell that an island lies from where the nearest surface would continue
+FARTHEST = 40.0  # cells, beyond which no island is looked for
+LEAST_FREE = 0.7  # of the cells that an island takes
+STRAIGHT = 0.15  # of a step: its change to the one before or after it
+ALONG = 0.5  # least cosine between the axes of an island and those of the nearest surface
+USUAL_STEP = 1.25  # most and least of the picture's usual step, in sides of the blobs
+MISREAD = -3.0  # nats that a clear blob of another colour than the code's costs
+SIGNIFICANCE = 8.0  # nats by which an island must beat chance
+LEAST_AREA = 1.0  # px^2 of a pitch squared
+LEAD = 4.0  # nats by which it must beat its second place
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Island:
+    """K blobs in one frame of their own: their `at` (row, column) in it (K, 2), and the `turn` of their frames (K,)."""
+
+    member: IntArray
+    at: IntArray
+    turn: IntArray
+
+
+def place_islands(
+    code: Code,
+    blocks: Blocks,
+    links: Links,
+    label: IntArray,
+    clear: BoolArray,
+    left: BoolArray,
+    position: FloatArray,
+    joints: Joints,
+) -> IntArray:
+    """Place (N,) in the code of blobs that are `left`, or -1.
+
+    `position` (rows, columns, 2), in pixels of the blobs, and `joints` are what is decoded. Only free cells are
+    open to an island, rather near than far from where the surface beside it would have it, and only turned as that
+    surface is: so few ways to lie remain, and few blobs settle which.
+    """
+    place = np.full(len(blocks), NONE)
+    u, v, _ = slopes(position, joints)
+    held = np.isfinite(position + u + v).all(axis=-1)
+    cells, free = np.argwhere(held), ~np.isfinite(position[..., 0])
+    if not len(cells) or not left.any():
+        return place
+    islands = [island for island in _islands(_sound(blocks, links, left), links.turn) if len(island.member) >= FEWEST]
+    if not islands:
+        return place
+    middles = np.stack([blocks.centre[island.member].mean(axis=0) for island in islands])
+    near = nearest(position[held], middles)[1]
+    laid: list[tuple[float, _Island, IntArray]] = []
+    ways = 1.0
+    for island, middle, beside in zip(islands, middles, near, strict=True):
+        surface = np.stack([u[held][beside], v[held][beside]], axis=1)
+        quarter = _quarter_turns(_axes(blocks.centre[island.member], island.at), surface)
+        if quarter == NONE:
+            continue
+        offset = rotated(island.at, np.array(quarter))
+        away = cast(FloatArray, np.linalg.solve(surface, middle - position[held][beside]))
+        cell, far = _ways_to_lie(free, offset, np.asarray(cells[beside] + away[::-1], dtype=np.float64))
+        if not len(cell):
+            continue
+        ways += float(np.exp(-far).sum())
+        right = free[cell[..., 0], cell[..., 1]] & (code.cells[cell[..., 0], cell[..., 1]] == label[island.member])
+        misread = np.where(clear[island.member], MISREAD, MISREAD / 3)
+        nats = np.where(right, np.log(code.base - 1), misread).sum(axis=1) - far
+        best = int(np.argmax(nats))
+        if nats[best] > LEAD + np.delete(nats, best).max(initial=-np.inf):
+            row, column = cell[best].T
+            where = (row * code.columns + column) * 4 + (quarter - island.turn) % 4
+            laid.append((float(nats[best]), island, np.where(right[best], where, NONE)))
+    for nats, island, where in sorted(laid, key=lambda way: way[0]):
+        if nats > SIGNIFICANCE + np.log(ways):
+            place[island.member] = where
+    return place
+
+
+def _sound(blocks: Blocks, links: Links, left: BoolArray) -> IntArray:
+    """Neighbours (N, 4) among blobs that are `left`, at the usual distance and straight on; or -1."""
+    lengths = whitened_lengths(blocks, links)
+    usual = np.nanmedian(lengths) if np.isfinite(lengths).any() else np.nan
+    sound = (lengths < USUAL_STEP * usual) & (lengths > usual / USUAL_STEP) & ~(bends(blocks, links) > STRAIGHT)
+    return np.where(sound & left[:, None] & left[links.neighbour], links.neighbour, NONE)
+
+
+def _ways_to_lie(free: BoolArray, offset: IntArray, continued: FloatArray) -> tuple[IntArray, FloatArray]:
+    """Cells (W, K, 2) of an island of `offset` (K, 2) wherever most of them are free, and the nats (W,) that each costs
+    for being far from where the surface beside it is `continued` to the island's middle."""
+    first = offset.min(axis=0)
+    room = np.maximum(np.array(free.shape) - (offset.max(axis=0) - first), 0)
+    shift = np.argwhere(np.ones(room, dtype=bool)) - first
+    distance = np.sqrt(((shift + offset.mean(axis=0) - continued) ** 2).sum(axis=1))
+    near = distance < FARTHEST
+    cell, distance = shift[near][:, None] + offset, distance[near]
+    mostly = free[cell[..., 0], cell[..., 1]].mean(axis=1) > LEAST_FREE
+    return cell[mostly], FAR * distance[mostly]
+
+
+def _islands(neighbour: IntArray, turn: IntArray) -> list[_Island]:
+    """Linked blobs, with their (row, column) and quarter turns in the frame of the first; none that contradict."""
+    islands: list[_Island] = []
+    known = np.zeros(len(neighbour), dtype=bool)
+    for root in np.flatnonzero((neighbour >= 0).any(axis=1)):
+        if known[root]:
+            continue
+        at, turned = {int(root): (0, 0)}, {int(root): 0}
+        queue = [int(root)]
+        for blob in queue:
+            for k in range(4):
+                other = int(neighbour[blob, k])
+                direction = (k - turned[blob]) % 4
+                if other == NONE or other in at:
+                    continue
+                at[other] = (at[blob][0] + int(SINE[direction]), at[blob][1] + int(COSINE[direction]))
+                turned[other] = int((turned[blob] + turn[blob, k]) % 4)
+                queue.append(other)
+        known[queue] = True
+        if len(set(at.values())) == len(at):
+            member = [np.array(values) for values in (queue, [at[b] for b in queue], [turned[b] for b in queue])]
+            islands.append(_Island(*member))
+    return islands
+
+
+def _axes(centre: FloatArray, at: IntArray) -> FloatArray:
+    """(2, 2) steps to the right and down, as columns, of blobs at (row, column)."""
+    terms = np.column_stack([at[:, ::-1], np.ones(len(at))])
+    normal = terms.T @ terms + 1e-6 * np.eye(3)  # a single row tells nothing of the other axis: 0
+    return np.asarray(np.linalg.solve(normal, terms.T @ centre), dtype=np.float64)[:2].T
+
+
+def _quarter_turns(axes: FloatArray, surface: FloatArray) -> int:
+    """Quarter turns of an island's frame against the code's, so that both its axes lie along the surface's; or -1."""
+    if not (abs(np.linalg.det(surface)) > LEAST_AREA):
+        return NONE
+    for quarter in range(4):
+        c, s = COSINE[quarter], SINE[quarter]
+        turned = np.stack([c * axes[:, 0] - s * axes[:, 1], s * axes[:, 0] + c * axes[:, 1]], axis=1)
+        along = (turned * surface).sum(axis=0)
+        if (along > ALONG * np.linalg.norm(turned, axis=0) * np.linalg.norm(surface, axis=0)).all():
+            return quarter
+    return NONE

@@ -1,0 +1,94 @@
+"""A picture at any place, compiled by Numba: the inner loop of measuring."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from threading import Thread
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from retrue.geometry.arrays import FloatArray, Image
+from retrue.geometry.compiling import MATRIX, OUT_MATRIX, VECTOR, compiled, inlined, numba
+
+PICTURES: tuple[Any, ...] = tuple(
+    numba.types.Array(depth, 3, "C", readonly=True) for depth in (numba.uint8, numba.uint16)
+)
+
+WORTH_A_THREAD = 100  # blocks: starting a thread takes as long as measuring some ten
+
+
+def in_two_threads(work: Callable[[slice], None], count: int) -> None:
+    """`work`, which lets go of the interpreter, on each half of 0 .. count at a time."""
+    if count < WORTH_A_THREAD:
+        work(slice(0, count))
+        return
+    other = Thread(target=work, args=(slice(count // 2, count),))
+    other.start()
+    work(slice(0, count // 2))
+    other.join()
+
+
+@inlined
+def bilinear(picture: Image, x: float, y: float) -> tuple[float, float, float]:
+    """The colour of `picture` (h, w, 3) at (x, y); outside as at its border. It has two rows and columns, or more."""
+    height, width, _ = picture.shape
+    x = min(x, width - 1.0) if x > 0 else 0.0  # NaN, too, stays inside
+    y = min(y, height - 1.0) if y > 0 else 0.0
+    c, r = min(int(x), width - 2), min(int(y), height - 2)
+    fx, fy = x - c, y - r
+    d = fx * fy
+    a, b, c1, r1 = 1 - fx - fy + d, fx - d, c + 1, r + 1
+    e = fy - d
+    return (
+        a * picture[r, c, 0] + b * picture[r, c1, 0] + e * picture[r1, c, 0] + d * picture[r1, c1, 0],
+        a * picture[r, c, 1] + b * picture[r, c1, 1] + e * picture[r1, c, 1] + d * picture[r1, c1, 1],
+        a * picture[r, c, 2] + b * picture[r, c1, 2] + e * picture[r1, c, 2] + d * picture[r1, c1, 2],
+    )
+
+
+@compiled(
+    [numba.void(kind, MATRIX, MATRIX, MATRIX, MATRIX, VECTOR, VECTOR, OUT_MATRIX) for kind in PICTURES], nogil=True
+)
+def _profiles(
+    picture: Image,
+    weights: FloatArray,
+    p: FloatArray,
+    u: FloatArray,
+    v: FloatArray,
+    t: FloatArray,
+    s: FloatArray,
+    out: FloatArray,
+) -> None:
+    for n in range(len(p)):
+        for i in range(len(t)):
+            total = 0.0
+            for beside in s:
+                x = p[n, 0] + t[i] * u[n, 0] + beside * v[n, 0]
+                y = p[n, 1] + t[i] * u[n, 1] + beside * v[n, 1]
+                red, green, blue = bilinear(picture, x, y)
+                total += weights[n, 0] * red + weights[n, 1] * green + weights[n, 2] * blue
+            out[n, i] = total / len(s)
+
+
+def profiles(
+    picture: Image, weights: FloatArray, p: FloatArray, u: FloatArray, v: FloatArray, t: FloatArray, s: FloatArray
+) -> FloatArray:
+    """(N, T) `weights` (N, 3) times the colour at p + t u + s v, mean over s: profiles along u. p, u, v (N, 2)."""
+    out = np.empty((len(p), len(t)))
+    in_two_threads(lambda n: _profiles(picture, weights[n], p[n], u[n], v[n], t, s, out[n]), len(p))
+    return out
+
+
+@compiled([numba.void(kind, MATRIX, OUT_MATRIX) for kind in PICTURES])
+def _sample(picture: Image, at: FloatArray, out: FloatArray) -> None:
+    for n in range(len(at)):
+        out[n, 0], out[n, 1], out[n, 2] = bilinear(picture, at[n, 0], at[n, 1])
+
+
+def sample(picture: Image, at: FloatArray) -> NDArray[np.float64]:
+    """Colours (..., 3) of `picture` at points (..., 2)."""
+    out = np.empty((at.size // 2, 3))
+    _sample(picture, np.ascontiguousarray(at).reshape(-1, 2), out)
+    return out.reshape(*at.shape[:-1], 3)

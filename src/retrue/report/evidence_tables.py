@@ -1,0 +1,93 @@
+"""What a recalibration rests on: both candidates side by side, and the counts."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+
+from retrue.geometry.transform import direction_angle, rotation_angle
+from retrue.recalibration.result import Evidence, PoseCandidate
+from retrue.report.lengths import MISSING, LengthUnit, degrees, figures, pixels
+from retrue.report.page import Block, Table, Text
+from retrue.report.words import sentence
+from retrue.rig import Rig
+
+LABELS = {
+    "points_used": "Points used",
+    "points_explained": "Points that agree with the pose",
+    "planes": "Planes found",
+    "noise_px": "Noise of a point, px",
+    "shared_noise_px": "Error shared by neighbours, px",
+    "planarity_px": "Planes are flat to, px",
+    "twin_margin": "Chi-square by which the chosen pose is preferred",
+    "twin_deviations": "The same, in standard deviations of chance",
+}
+
+
+def evidence_blocks(before: Rig, evidence: Evidence, unit: LengthUnit) -> tuple[Block, ...]:
+    """The candidates side by side, and what was counted."""
+    blocks: list[Block] = []
+    if evidence.scale:
+        blocks.append(Text(f"Length of t: {sentence(evidence.scale)}"))
+    if evidence.candidates:
+        blocks.append(_candidates_table(before, evidence.candidates, unit))
+    rows = detail_rows(evidence.details)
+    if rows:
+        blocks.append(Table(("Evidence", ""), (("Correspondences", figures(evidence.correspondences)), *rows)))
+    return tuple(blocks)
+
+
+def detail_rows(details: Mapping[str, Any]) -> list[tuple[str, str]]:
+    """Every number and word among the details, by the name that people have for it."""
+    return [
+        (LABELS.get(key, key.replace("_", " ").capitalize()), value if isinstance(value, str) else figures(value))
+        for key, value in details.items()
+        if isinstance(value, str | int | float) and not isinstance(value, bool)
+    ]
+
+
+def candidate_name(candidates: Sequence[PoseCandidate], index: int) -> str:
+    """ "Chosen" and "Twin"; where nothing was chosen, "Pose A" and "Pose B"."""
+    if any(candidate.chosen for candidate in candidates):
+        return "Chosen pose" if candidates[index].chosen else "Twin pose"
+    return f"Pose {'AB'[index]}" if len(candidates) <= 2 else f"Pose {index + 1}"
+
+
+def _candidates_table(before: Rig, candidates: Sequence[PoseCandidate], unit: LengthUnit) -> Table:
+    old = before.projector_from_camera
+    columns = [
+        (
+            candidate_name(candidates, index),
+            pixels(candidate.rms_px),
+            pixels(candidate.off_plane_rms_px),
+            degrees(float(np.degrees(rotation_angle(candidate.projector_from_camera.R @ old.R.T)))),
+            degrees(float(np.degrees(direction_angle(candidate.projector_from_camera.t, old.t)))),
+            unit.text(candidate.planes[0].distance) if candidate.planes else MISSING,
+            degrees(_tilt_deg(candidate)),
+        )
+        for index, candidate in enumerate(candidates)
+    ]
+    names = (
+        "",
+        "RMS, all points",
+        "RMS, points off the plane",
+        "Rotated from the old pose",
+        "Direction of t from the old",
+        "First plane, distance",
+        "First plane, tilt to the camera",
+    )
+    rows = tuple(zip(names, *columns, strict=True))
+    return Table(
+        rows[0],
+        rows[1:],
+        "A plane alone fits two poses equally well. Points off it, a second plane, or the old direction of t tell"
+        " which is real.",
+    )
+
+
+def _tilt_deg(candidate: PoseCandidate) -> float | None:
+    if not candidate.planes:
+        return None
+    return float(np.degrees(direction_angle(candidate.planes[0].normal, [0.0, 0.0, 1.0])))

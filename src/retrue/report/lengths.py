@@ -1,0 +1,76 @@
+"""Lengths, angles and pixels as people read them."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+MILLIMETRES = {"mm": 1.0, "cm": 10.0, "m": 1000.0, "um": 0.001, "µm": 0.001, "in": 25.4, "inch": 25.4}
+NAMELESS = frozenset({"", "?", "unit", "units", "unknown", "none"})
+MISSING = "\N{EN DASH}"
+SMALLEST = 1e-9  # shown as zero below
+
+
+@dataclass(frozen=True, slots=True)
+class LengthUnit:
+    """The unit that lengths are shown in.
+
+    Attributes
+    ----------
+    factor : from the rig's unit to it.
+    name : "mm" wherever the rig's unit is one of length, "rig units" where nobody knows it.
+
+    >>> shown_unit("m").text(0.0123)
+    '12.3 mm'
+    >>> shown_unit("unknown").text(200)
+    '200 rig units'
+    """
+
+    factor: float
+    name: str
+
+    def number(self, length: float | None) -> str:
+        """Without the unit, for columns whose head names it."""
+        return MISSING if length is None else figures(length * self.factor)
+
+    def text(self, length: float | None) -> str:
+        """With the unit."""
+        number = self.number(length)
+        return number if number == MISSING else f"{number} {self.name}"
+
+
+def shown_unit(unit: str) -> LengthUnit:
+    """Millimetres for every unit of length that we know, else the rig's own."""
+    name = unit.strip().lower()
+    if name in MILLIMETRES:
+        return LengthUnit(MILLIMETRES[name], "mm")
+    return LengthUnit(1.0, "rig units" if name in NAMELESS else unit.strip())
+
+
+def figures(value: float | None, count: int = 3) -> str:
+    """So many significant figures, never in powers of ten; what is larger in full, counts by thousands.
+
+    >>> figures(0.012345), figures(1234.5), figures(-2.0), figures(70000), figures(float("nan"))
+    ('0.0123', '1234', '-2.00', '70,000', '–')
+    """
+    if value is None or not math.isfinite(value):
+        return MISSING
+    if abs(value) < SMALLEST:
+        return "0"
+    if isinstance(value, int):
+        return f"{value:,}"
+    if abs(value) >= 10 ** (count - 1):
+        return f"{value:.0f}"
+    return f"{value:.{count - 1 - math.floor(math.log10(abs(value)))}f}"
+
+
+def degrees(value: float | None) -> str:
+    """An angle, with its unit."""
+    number = figures(value)
+    return number if number == MISSING else f"{number}°"
+
+
+def pixels(value: float | None) -> str:
+    """A distance in a picture, with its unit."""
+    number = figures(value)
+    return number if number == MISSING else f"{number} px"

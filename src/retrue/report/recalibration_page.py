@@ -1,0 +1,94 @@
+"""The page of a recalibration."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+from retrue.recalibration.result import Accepted, Evidence, PoseSigma, Refused
+from retrue.report.evidence_tables import evidence_blocks
+from retrue.report.lengths import LengthUnit, degrees, figures, pixels, shown_unit
+from retrue.report.page import Fact, Page, Section
+from retrue.report.pose_table import change_table, pose_table
+from retrue.report.residual_section import median_residual, residual_section
+from retrue.report.rig_scene import change_scene, cloud_of
+from retrue.report.seen import SeenCapture
+from retrue.report.words import problem_and_advice, sentence
+from retrue.rig import Rig
+
+
+def recalibration_page(
+    before: Rig, captures: Sequence[SeenCapture], result: Accepted | Refused, *, out: str = ""
+) -> Page:
+    """What was seen, which pose was taken and why, how far it is from the old one, and how sure that is.
+
+    Parameters
+    ----------
+    before : the rig as it was handed in.
+    captures : what `recalibrate` was given, in that order.
+    out : where the new rig was written to.
+    """
+    unit, evidence = shown_unit(before.unit), result.evidence
+    after = _after(before, result)
+    scene = change_scene(before, after, evidence.candidates, cloud_of(after or before, captures), unit)
+    sections = [Section("In space", _scene_lead(result), (scene,))]
+    if after is not None and evidence.change is not None:
+        poses = {"before": before.projector_from_camera, "after": after.projector_from_camera}
+        changes = change_table(evidence.change, evidence.sigma, evidence.working_distance, unit)
+        lead = "" if isinstance(result, Accepted) else "What the answer would have been, had it been trusted."
+        sections.append(Section("What changed", lead, (changes, pose_table(poses, unit))))
+    rigs = {"After": after, "Before": before} if after is not None else {"Before": before}
+    sections.append(residual_section(rigs, captures))
+    sections.append(Section("Why this answer", sentence(result.reason), evidence_blocks(before, evidence, unit)))
+    facts = _facts(before, after, captures, evidence, unit)
+    if isinstance(result, Accepted):
+        return Page("recalibrate", "Accepted", "good", _accepted(evidence, out), facts, tuple(sections))
+    problem, advice = problem_and_advice(result.reason)
+    return Page("recalibrate", "Refused", "warn", f"{problem} Nothing was written.", facts, tuple(sections), advice)
+
+
+def _after(before: Rig, result: Accepted | Refused) -> Rig | None:
+    """The new rig; of a refusal, what it would have been."""
+    if isinstance(result, Accepted):
+        return result.rig
+    for candidate in result.evidence.candidates:
+        if candidate.chosen:
+            return replace(before, projector_from_camera=candidate.projector_from_camera)
+    return None
+
+
+def _accepted(evidence: Evidence, out: str) -> str:
+    said = "The new pose is accepted"
+    if evidence.change is not None:
+        said = (
+            f"The projector has turned by {degrees(evidence.change.rotation_deg)}, and its direction from the camera"
+            f" by {degrees(evidence.change.translation_deg)}"
+        )
+    if evidence.sigma is not None:
+        known = f"{degrees(evidence.sigma.rotation_deg)} and {degrees(evidence.sigma.translation_deg)}"
+        said += f"; the new pose is known to {known}"
+    return f"{said}{f', and was written to {out}' if out else ''}."
+
+
+def _scene_lead(result: Accepted | Refused) -> str:
+    if isinstance(result, Accepted):
+        return "The points as the new rig measures them, and where both devices stand."
+    return "The points as far as they can be placed. None of this is to be relied on."
+
+
+def _facts(
+    before: Rig, after: Rig | None, captures: Sequence[SeenCapture], evidence: Evidence, unit: LengthUnit
+) -> tuple[Fact, ...]:
+    change, sigma = evidence.change, evidence.sigma or PoseSigma(float("nan"), float("nan"))
+    if after is None or change is None:
+        return (Fact("Correspondences", figures(evidence.correspondences)), Fact("RMS", pixels(evidence.rms_px)))
+    facts = [
+        Fact("Rotation", degrees(change.rotation_deg), f"± {degrees(sigma.rotation_deg)}"),
+        Fact("Direction of t", degrees(change.translation_deg), f"± {degrees(sigma.translation_deg)}"),
+    ]
+    if change.displacement is not None:
+        note = f"at {unit.text(evidence.working_distance)}; now ± {unit.text(sigma.displacement)}"
+        facts.append(Fact("The old rig is wrong by", unit.text(change.displacement), note))
+    missed = f"{pixels(median_residual(before, captures))} before"
+    facts.append(Fact("Rays miss by (median)", pixels(median_residual(after, captures)), missed))
+    return tuple(facts)

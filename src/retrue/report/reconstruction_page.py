@@ -1,0 +1,54 @@
+"""The page of a reconstruction."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from retrue.reconstruction.cloud import Cloud
+from retrue.report.evidence_tables import detail_rows
+from retrue.report.lengths import figures, pixels, shown_unit
+from retrue.report.page import Fact, Page, Section, Table
+from retrue.report.residual_section import median_residual, residual_section
+from retrue.report.rig_scene import rig_scene
+from retrue.report.seen import SeenCapture
+from retrue.rig import Rig
+
+
+def reconstruction_page(rig: Rig, capture: SeenCapture, cloud: Cloud, *, faces: int | None = None) -> Page:
+    """The cloud in space, what was left out of it, and how well the rays meet; `faces` of the mesh, if one was made."""
+    unit = shown_unit(rig.unit)
+    depth = cloud.points[:, 2]
+    near, middle, far = (float(value) for value in np.quantile(depth, [0.005, 0.5, 0.995]))
+    size = [float(extent) for extent in np.diff(np.quantile(cloud.points, [0.005, 0.995], axis=0), axis=0)[0]]
+    rows = [
+        (
+            "Width, height, depth",
+            " \N{MULTIPLICATION SIGN} ".join(unit.number(extent) for extent in size) + f" {unit.name}",
+        ),
+        ("Nearest and farthest", f"{unit.number(near)} to {unit.text(far)}"),
+        *detail_rows(cloud.card),
+    ]
+    facts = [
+        Fact("Points", figures(len(cloud)), f"of {len(capture.points):,} correspondences"),
+        Fact("Distance (median)", unit.text(middle), f"{unit.number(near)} to {unit.text(far)}"),
+        Fact("Rays miss by (median)", pixels(median_residual(rig, [capture]))),
+    ]
+    if faces is not None:
+        facts.insert(1, Fact("Faces", figures(faces)))
+    return Page(
+        "reconstruct",
+        f"{len(cloud):,} points",
+        "good",
+        f"{len(cloud):,} of {len(capture.points):,} correspondences were placed in space, {unit.text(near)} to"
+        f" {unit.text(far)} from the camera.",
+        tuple(facts),
+        (
+            Section("In space", "", (rig_scene(rig, cloud, unit),)),
+            residual_section({"With this rig": rig}, [capture]),
+            Section(
+                "What was kept",
+                "One part in 200 at either end is left out of these sizes.",
+                (Table(("", ""), tuple(rows)),),
+            ),
+        ),
+    )

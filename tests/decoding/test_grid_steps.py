@@ -1,0 +1,92 @@
+"""The steps of the colour-grid decoder that can be told apart: patches, growth's judge, noise."""
+
+import numpy as np
+import pytest
+
+from retrue.decoding.grid_noise import noise_of
+from retrue.decoding.grid_patches import look_at
+from retrue.decoding.grid_surface import Joints
+
+PITCH, DUTY = 20.0, 0.6
+U, V = np.array([[PITCH, 0.0]]), np.array([[0.0, PITCH]])
+
+
+def blocks(*squares: tuple[float, float, float, float, tuple[int, int, int]]) -> np.ndarray:
+    """A dark picture (60, 60, 3) with squares from (x, y) to (x, y), drawn to a tenth of a pixel."""
+    fine = np.full((600, 600, 3), 20, np.uint8)
+    for left, top, right, bottom, color in squares:
+        fine[round(10 * top + 5) : round(10 * bottom + 5), round(10 * left + 5) : round(10 * right + 5)] = color
+    return fine.reshape(60, 10, 60, 10, 3).mean(axis=(1, 3)).astype(np.uint8)
+
+
+def seen(picture: np.ndarray, x: float, y: float):
+    return look_at(picture, np.array([[x, y]], dtype=float), U, V, DUTY)
+
+
+def test_a_block_is_found_where_it_is():
+    found = seen(blocks((24, 24, 36, 36, (200, 30, 30))), 29.4, 30.6)
+    assert np.allclose(found.offset * PITCH, [[0.6, -0.6]], atol=0.1)
+    assert np.allclose(found.stretch, 0, atol=0.03)
+    assert np.allclose(found.light, [[180, 10, 10]], atol=3)
+    assert found.misfit()[0] < 0.5
+
+
+def test_a_block_that_touches_another_colour_is_whole():
+    found = seen(blocks((24, 24, 36, 36, (200, 30, 30)), (36, 22, 48, 38, (30, 30, 200))), 30, 30)
+    assert np.allclose(found.offset * PITCH, 0, atol=0.15)
+    assert found.misfit()[0] < 0.5
+
+
+@pytest.mark.parametrize(
+    "squares",
+    [
+        [],
+        [(24, 24, 31, 36, (200, 30, 30))],
+        [(24, 24, 36, 36, (200, 30, 30)), (24, 31, 36, 36, (30, 30, 200))],
+        [(24, 24, 36, 30, (200, 30, 30)), (28, 30, 40, 36, (200, 30, 30))],
+        [(24, 24, 36, 36, (200, 30, 30)), (36, 24, 48, 36, (200, 30, 30))],
+        [(27, 27, 39, 39, (200, 30, 30))],
+    ],
+    ids=["nothing", "cut", "half another", "staggered", "no side", "elsewhere"],
+)
+def test_what_is_no_whole_block_does_not_fit(squares):
+    assert not seen(blocks(*squares), 30, 30).misfit()[0] < 1.25
+
+
+def test_a_patch_outside_the_picture_does_not_fit():
+    picture = blocks((24, 24, 36, 36, (200, 30, 30)))
+    for x, y in ((-500.0, 30.0), (1e9, -1e9)):
+        assert not seen(picture, x, y).misfit()[0] < 1.25
+
+
+def surface(noise: float, bend: float = 0.0) -> np.ndarray:
+    row, column = np.mgrid[0:30, 0:40].astype(float)
+    curved = np.stack([column * PITCH + bend * column**2, row * PITCH + bend * row * column], axis=-1)
+    return curved + np.random.default_rng(3).normal(0, noise, curved.shape)
+
+
+def joined(rows: int, columns: int) -> Joints:
+    return Joints(np.ones((rows, columns - 1), bool), np.ones((rows - 1, columns), bool))
+
+
+@pytest.mark.parametrize("bend", [0.0, 0.1])
+def test_noise_is_told_apart_from_perspective(bend):
+    sigma = noise_of(surface(0.06, bend), joined(30, 40))
+    assert np.sqrt(np.mean(sigma**2)) == pytest.approx(0.06, rel=0.08)
+
+
+def test_a_block_that_is_off_has_a_larger_sigma_than_the_others():
+    position = surface(0.05)
+    position[12, 20] += 0.6
+    sigma = noise_of(position, joined(30, 40))
+    assert sigma[12, 20] == sigma.max()
+    assert sigma[12, 20] > 0.25
+    assert np.median(sigma) < 0.06
+
+
+def test_a_missing_block_has_no_sigma_and_spoils_none():
+    position = surface(0.05)
+    position[5, 5] = np.nan
+    sigma = noise_of(position, joined(30, 40))
+    assert np.isnan(sigma).sum() == 1
+    assert np.isnan(sigma[5, 5])

@@ -1,0 +1,126 @@
+"""How the command line feels: what it says, where, and how much."""
+
+import io
+import shlex
+import shutil
+import subprocess
+
+import pytest
+
+from retrue.cli.commands import COMMANDS, EXAMPLES
+from retrue.cli.parsing import parse
+from retrue.cli.terminal import GREEN, Terminal, colored, time_left
+
+
+class Screen(io.StringIO):
+    """A terminal."""
+
+    def isatty(self) -> bool:
+        return True
+
+
+@pytest.mark.parametrize("name", COMMANDS)
+def test_every_command_has_an_example_that_parses(retrue, name):
+    shown = retrue(name, "--help").out
+    for example in EXAMPLES[name]:
+        assert example in shown
+        assert max(map(len, example.splitlines())) <= 78
+        program, *words = shlex.split(example.replace("\\\n", "").partition(" > ")[0])
+        assert program == "retrue"
+        assert isinstance(parse(words), COMMANDS[name])
+
+
+@pytest.mark.parametrize("name", COMMANDS)
+def test_help_tables_fit_80_columns(retrue, name, monkeypatch):
+    monkeypatch.setenv("COLUMNS", "80")
+    boxes = [line for line in retrue(name, "--help").out.splitlines() if line[:1] in "╭│╰"]
+    assert boxes
+    assert max(map(len, boxes)) <= 80
+    assert all(any(option in line for line in boxes) for option in ("--json", "--quiet", "--verbose"))
+
+
+@pytest.mark.parametrize(
+    ("words", "hint"),
+    [
+        (["recalibrat", "rig.json"], "did you mean recalibrate?"),
+        (["verfy"], "did you mean verify?"),
+        (["xyzzy"], "retrue --help lists them"),
+        ([], "retrue demo"),
+        (["calibrate", "a"], "missing --pattern P.json, --board KIND:SIZE:LENGTH, --out PATH; retrue calibrate --help"),
+        (["verify"], "missing RIG; "),
+        (["verify", "rig.json", "a.csv", "--patern", "p.json"], "did you mean --pattern?"),
+        (["recalibrate", "rig.json", "a.csv", "--max-point=7"], "did you mean --max-points?"),
+        (["verify", "rig.json", "a.csv", "--xyzzy"], "retrue verify --help lists all"),
+    ],
+)
+def test_a_slip_is_answered_with_what_was_meant(retrue, words, hint):
+    retrue(*words).require_complaint(hint)
+
+
+def test_quiet_says_nothing_and_the_status_tells(retrue, files):
+    good, drifted = (retrue("verify", rig, files.points, "--quiet") for rig in (files.rig, files.before))
+    assert (good.status, good.out, good.err) == (0, "", "")
+    assert (drifted.status, drifted.out, drifted.err) == (1, "", "")
+    assert retrue("verify", files.rig, files.points, "--quiet", "--json").json["verdict"] == "good"
+    retrue("verify", "gone.json", files.points, "--quiet").require_complaint("gone.json")
+
+
+def test_verbose_says_when(retrue, files):
+    run = retrue("verify", files.rig, files.points, "--verbose")
+    (line,) = run.err.splitlines()
+    assert line.startswith("[")
+    assert line.endswith(" s] " + f"{files.points}: 600 correspondences")
+
+
+def test_color_only_on_a_terminal_that_wants_it(monkeypatch):
+    monkeypatch.delenv("NO_COLOR", raising=False)
+    monkeypatch.setenv("TERM", "xterm")
+    assert colored("good", GREEN, Screen()) == "\x1b[1;32mgood\x1b[0m"
+    assert colored("good", GREEN, io.StringIO()) == "good"
+    monkeypatch.setenv("NO_COLOR", "1")
+    assert colored("good", GREEN, Screen()) == "good"
+    monkeypatch.delenv("NO_COLOR")
+    monkeypatch.setenv("TERM", "dumb")
+    assert colored("good", GREEN, Screen()) == "good"
+
+
+def test_no_color_holds_for_help_too(retrue, monkeypatch):
+    class ColorfulOut(Screen):
+        encoding = "utf-8"
+
+    monkeypatch.setenv("NO_COLOR", "1")
+    monkeypatch.setenv("TERM", "xterm")
+    screen = ColorfulOut()
+    monkeypatch.setattr("sys.stdout", screen)
+    with pytest.raises(SystemExit):
+        parse(["verify", "--help"])
+    assert "usage: retrue verify" in screen.getvalue()
+    assert "\x1b[" not in screen.getvalue()
+
+
+def test_progress_tells_the_time_left_on_a_terminal_only(monkeypatch):
+    for stream, shown in ((Screen(), True), (io.StringIO(), False)):
+        monkeypatch.setattr("sys.stderr", stream)
+        terminal = Terminal()
+        monkeypatch.setattr("retrue.cli.terminal.time.perf_counter", iter([0.0, 30.0, 60.0]).__next__)
+        show = terminal.progress("reading")
+        show(1, 3)
+        monkeypatch.undo()
+        assert ("reading: 1 of 3, about 60 s left" in stream.getvalue()) == shown
+    assert time_left(1.0, 3, 4) == ""
+
+
+@pytest.mark.parametrize("shell", ["bash", "zsh", "fish"])
+def test_completion_is_a_script_of_that_shell(retrue, shell):
+    script = retrue("completion", shell).out
+    assert "recalibrate" in script
+    assert "--pattern" in script or "pattern" in script
+    if shutil.which(shell):
+        done = subprocess.run([shell, "-n"], input=script, capture_output=True, text=True, check=False)
+        assert (done.returncode, done.stderr) == (0, "")
+
+
+def test_experiment_tables_fit_80_columns(retrue, tmp_path):
+    run = retrue("experiment", "noise", "--trials", 2, "--workers", 1, "--out", tmp_path)
+    assert run.status == 0
+    assert max(map(len, run.out.splitlines()[:-5])) <= 80

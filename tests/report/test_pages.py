@@ -1,0 +1,174 @@
+"""What the pages say, and that they say it safely."""
+
+from __future__ import annotations
+
+import json
+import re
+from collections.abc import Iterator
+from html import unescape
+from html.parser import HTMLParser
+
+import numpy as np
+import pytest
+
+from retrue.report.figures import embedded_picture, numbers, polyline
+from retrue.report.lengths import shown_unit
+from retrue.report.page import Chart, Page, Table, Tabs
+from retrue.report.residual_charts import round_factor
+
+from .pages import PAGES, PROVENANCE, accepted, html
+
+HOSTILE = "<script>alert(1)</script><img src=x onerror=alert(2)>&amp;'\".png"
+
+
+@pytest.fixture(scope="module")
+def pages() -> dict[str, Page]:
+    return {name: make() for name, make in PAGES.items()}
+
+
+def charts(page: Page) -> Iterator[Chart]:
+    for section in page.sections:
+        for block in section.blocks:
+            if isinstance(block, Chart):
+                yield block
+            elif isinstance(block, Tabs):
+                yield from (chart for _, chart in block.panels)
+
+
+def text_of(document: str) -> str:
+    """What a reader reads: no styles, no scripts, no tags."""
+    words = re.sub(r"<(style|script)\b.*?</\1>", " ", document, flags=re.DOTALL)
+    return " ".join(unescape(re.sub(r"<[^>]+>", " ", words)).split())
+
+
+class Tags(HTMLParser):
+    """Every tag with its attributes."""
+
+    def __init__(self, document: str) -> None:
+        super().__init__()
+        self.seen: list[tuple[str, dict[str, str | None]]] = []
+        self.feed(document)
+
+    def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
+        self.seen.append((tag, dict(attrs)))
+
+
+@pytest.mark.parametrize("name", PAGES)
+def test_plotly_knows_every_word_of_the_figures(pages, name):
+    from plotly.graph_objects import Figure
+
+    drawn = list(charts(pages[name]))
+    assert bool(drawn) == (name != "calibration_refused")
+    for chart in drawn:
+        plain = re.sub(r'"var\(--\w+\)"', '"#123456"', json.dumps(chart.figure, allow_nan=False))
+        Figure(json.loads(plain))  # raises on what it does not know
+
+
+@pytest.mark.parametrize("name", PAGES)
+def test_every_color_stands_in_the_style(pages, name):
+    document = html(pages[name])
+    style = document[document.index("<style>") : document.index("</style>")]
+    drawn = json.dumps([chart.figure for chart in charts(pages[name])])
+    for color in set(re.findall(r'"var\((--\w+)\)"', drawn)):
+        assert style.count(f"{color}:") == 2, color  # light and dark
+
+
+@pytest.mark.parametrize("name", PAGES)
+def test_one_file_that_refers_to_nothing(pages, name):
+    document = html(pages[name])
+    assert len(document) < 10e6
+    assert "default-src 'none'" in document
+    for tag, attributes in Tags(document).seen:
+        assert tag not in ("iframe", "object", "embed", "base", "form")
+        assert "src" not in attributes, (tag, attributes)
+        assert attributes.get("href", "data:,") == "data:,"
+
+
+def test_a_file_name_cannot_become_markup():
+    tame, wild = (Tags(html(accepted(name, out=name))).seen for name in ("scene.png", HOSTILE))
+    assert [tag for tag, _ in wild] == [tag for tag, _ in tame]
+    assert HOSTILE in text_of(html(accepted(HOSTILE)))
+
+
+def test_an_accepted_change(pages):
+    words = text_of(html(pages["accepted"]))
+    change = np.degrees(np.linalg.norm(np.radians([0, 2.0, 2.0])))  # 2.83
+    assert f"Accepted The projector has turned by {change:.2f}°" in words
+    assert "and was written to new.json" in words
+    assert "Chosen pose Twin pose" in words
+    assert "points off the plane" in words
+    assert PROVENANCE.command in words
+    assert "retrue 0.1.0" in words
+    names = {trace["name"] for chart in charts(pages["accepted"]) for trace in chart.figure["data"] if "name" in trace}
+    assert {"points", "plane", "camera", "projector before", "projector after", "Twin pose"} <= names
+
+
+def test_a_refusal_says_what_to_do_and_still_shows_what_was_seen(pages):
+    page = pages["refused"]
+    assert (page.verdict, page.tone) == ("Refused", "warn")
+    assert page.sentence.startswith("Two poses explain the plane")
+    assert page.sentence.endswith("Nothing was written.")
+    assert page.advice == ("Put an object or a second plane in view.",)
+    names = {trace["name"] for chart in charts(page) for trace in chart.figure["data"] if "name" in trace}
+    assert {"Pose A", "Pose B", "points"} <= names
+    few = pages["hardly_anything"]
+    assert few.advice == ("Light more of the scene.",)
+    assert "found 5" in few.sentence
+
+
+def test_verdicts_of_verify(pages):
+    assert (pages["good"].verdict, pages["good"].tone) == ("Good", "good")
+    assert (pages["drifted"].verdict, pages["drifted"].tone, pages["drifted"].advice) == (
+        "Drifted",
+        "warn",
+        ("Recalibrate.",),
+    )
+    assert "first.png" in text_of(html(pages["good"]))
+
+
+def test_a_calibration_shows_boards_coverage_and_sigmas(pages):
+    page = pages["calibrated"]
+    words = text_of(html(page))
+    assert "Points are known to" in words
+    for heading in ("Poses of the board", "What the board covered", "How well each pose fits", "What came out"):
+        assert heading in words
+    scene, camera, projector, bars = charts(page)
+    assert [trace["name"] for trace in scene.figure["data"][:5]] == [f"capture_{k}" for k in range(5)]
+    for chart, size in ((camera, (1280, 960)), (projector, (1024, 768))):
+        assert chart.figure["layout"]["xaxis"]["range"] == [-0.5, size[0] - 0.5]
+        assert "times as long" in chart.caption
+    assert all(0.05 < value < 0.2 for trace in bars.figure["data"] for value in trace["y"])  # 0.1 px a coordinate
+    (intrinsics,) = (
+        block
+        for section in page.sections
+        for block in section.blocks
+        if isinstance(block, Table) and block.rows[0][0] == "fx"
+    )
+    assert abs(float(intrinsics.rows[0][1]) - 1600) < 10 * float(intrinsics.rows[0][2])
+    alone = pages["calibration_refused"]
+    assert alone.sentence.startswith("One pose of the board does not determine the intrinsics")
+
+
+def test_a_unit_that_nobody_knows_is_not_called_millimetres():
+    words = text_of(html(accepted(unit="unknown")))
+    assert "rig units" in words
+    assert not re.search(r"\d mm\b", words)
+    assert shown_unit("in").text(1.0) == "25.4 mm"
+    assert shown_unit("squares").text(12.34) == "12.3 squares"
+
+
+def test_arrows_are_lengthened_by_a_round_factor():
+    assert round_factor(np.full(10, 0.05), 38.4) == 500
+    assert round_factor(np.zeros(3), 38.4) == pytest.approx(2e5)
+
+
+def test_numbers_and_lines_have_no_nan_in_json():
+    line = polyline(np.arange(8.0).reshape(2, 2, 2))
+    assert numbers(line[:, 0]) == [0.0, 2.0, None, 4.0, 6.0, None]
+
+
+@pytest.mark.parametrize("shape", [(900, 1600), (900, 1600, 3)])
+def test_photographs_are_made_small(shape):
+    picture = np.random.default_rng(0).integers(0, 65536, shape).astype(np.uint16)
+    assert embedded_picture(picture).startswith("data:image/jpeg;base64,")
+    assert len(embedded_picture(np.full(shape, 200, dtype=np.uint8))) < 40_000
