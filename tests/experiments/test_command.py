@@ -27,7 +27,13 @@ def test_table_and_figure_are_written(tmp_path: Path, capsys: pytest.CaptureFixt
 
 
 @pytest.mark.parametrize(
-    ("arguments", "reason"), [(["real"], "--rig"), (["noise", "--trials", "0"], "at least 1"), (["other"], "other")]
+    ("arguments", "reason"),
+    [
+        (["real"], "--rig"),
+        (["noise", "--trials", "0"], "at least 1"),
+        (["other"], "other"),
+        (["noise", "--ours-only"], "--ours-only"),
+    ],
 )
 def test_what_it_cannot_run_is_refused_in_one_line(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], arguments: list[str], reason: str

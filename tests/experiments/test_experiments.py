@@ -74,7 +74,7 @@ def test_we_reach_the_bound_and_say_so_honestly() -> None:
     trials = 100
     table = peers(trials, seed=3, cells=cells, ours_only=True, workers=1).table
     assert set(table.column("bound")) - {"not installed"} == {"holds"}
-    for name in ("retrue fit_homography", WHOLE_JOB):
+    for name in ("retrue fit_homography", "retrue fit_homography_robust", WHOLE_JOB):
         mine = table.where(method=name)
         assert (numbers(mine, "failed_%") == 0).all()
         for part in ("rotation", "translation"):
@@ -83,10 +83,20 @@ def test_we_reach_the_bound_and_say_so_honestly() -> None:
     assert nees == pytest.approx(5, abs=4 * np.sqrt(2 * 5 / trials))
 
 
+def test_wrong_matches_cost_no_more_than_their_number() -> None:
+    table = peers(40, seed=6, cells=[Cell(SETUPS[0], 400, 0.3, 0.2)], ours_only=True, workers=1).table
+    for name in ("retrue fit_homography_robust", WHOLE_JOB):
+        mine = table.where(method=name)
+        assert (numbers(mine, "failed_%") == 0).all()
+        for part in ("rotation", "translation"):
+            assert (numbers(mine, part) < 1.10 + 2 * numbers(mine, "interval")).all()
+
+
 def test_installed_peers_answer_and_missing_ones_have_a_row() -> None:
     table = peers(4, seed=4, cells=[Cell(SETUPS[0], 50, 0.3, 0.2)], workers=1).table
     installed = table.where(N=50)
-    assert {"OpenCV homography MAGSAC", "OpenCV essential", WHOLE_JOB} <= set(installed.column("method"))
+    expected = {"retrue fit_homography_robust", "OpenCV homography MAGSAC", "OpenCV essential", WHOLE_JOB}
+    assert expected <= set(installed.column("method"))
     assert "retrue fit_homography" not in installed.column("method")  # stands no outliers, and claims none
     for name in ("PoseLib", "pycolmap"):
         assert any(str(method).startswith(name) for method in table.column("method"))

@@ -44,6 +44,16 @@ def test_exact_points_and_a_given_noise_work() -> None:
         assert np.abs(found.homography / found.homography[2, 2] - TRUTH).max() < 1e-8
 
 
+def test_smooth_noise_of_a_dense_code_hides_no_plane() -> None:
+    source = np.stack(np.meshgrid(np.linspace(-0.3, 0.3, 40), np.linspace(-0.3, 0.3, 40)), axis=-1).reshape(-1, 2)
+    rng = np.random.default_rng(4)
+    waves, phases = rng.normal(0, 30, (8, 2, 2)), rng.uniform(0, 2 * np.pi, (8, 2))
+    smooth = 1e-4 * np.sin(np.einsum("nj,kcj->nkc", source, waves) + phases).sum(axis=1)
+    found = fit_homography_robust(source, apply_homography(TRUTH, source) + smooth)
+    assert found.inliers.mean() > 0.95
+    assert found.noise == pytest.approx(smooth.std(), rel=0.5)
+
+
 def test_matches_by_chance_are_refused() -> None:
     rng = np.random.default_rng(3)
     with pytest.raises(DegenerateError):

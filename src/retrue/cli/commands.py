@@ -15,6 +15,7 @@ from retrue.cli.pattern import Pattern
 from retrue.cli.recalibrate import Recalibrate
 from retrue.cli.reconstruct import Reconstruct
 from retrue.cli.rollback import Rollback
+from retrue.cli.simulate import Simulate
 from retrue.cli.verify import Verify
 from retrue.cli.view import View
 from retrue.cli.watch import Watch
@@ -33,6 +34,7 @@ COMMANDS: dict[str, type[Command]] = {
     "rollback": Rollback,
     "diff": Diff,
     "convert": Convert,
+    "simulate": Simulate,
     "experiment": Experiment,
     "completion": Completion,
 }
@@ -61,6 +63,7 @@ EXAMPLES: dict[str, tuple[str, ...]] = {
     "rollback": ("retrue rollback rig.json 3",),
     "diff": ("retrue diff rig.json new.json --working-distance 1500",),
     "convert": ("retrue convert rig.json stereo.yml --to procam-calibration",),
+    "simulate": ("retrue simulate clutter --rig rig.json --pattern pattern.json --out made",),
     "experiment": ("retrue experiment noise --out experiment-out",),
     "completion": (
         "retrue completion bash > ~/.local/share/bash-completion/completions/retrue",

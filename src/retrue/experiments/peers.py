@@ -18,6 +18,7 @@ from retrue.geometry.arrays import FloatArray
 from retrue.geometry.camera import Camera
 from retrue.geometry.homography import fit_homography
 from retrue.geometry.planar_pose import planar_pose_candidates
+from retrue.geometry.robust_homography import fit_homography_robust
 from retrue.rig import Rig
 
 Pose = tuple[FloatArray, FloatArray]
@@ -28,7 +29,7 @@ THRESHOLD_SIGMAS = 4.0
 def methods(noise_px: float) -> dict[str, Method]:
     """Those that are installed, by name, with thresholds for that noise."""
     threshold = max(THRESHOLD_SIGMAS * noise_px, 0.5)
-    found: dict[str, Method] = {"retrue fit_homography": _ours}
+    found: dict[str, Method] = {"retrue fit_homography": _ours, "retrue fit_homography_robust": _ours_robust}
     if find_spec("cv2") is not None:
         cv2 = import_module("cv2")
         flags = {
@@ -73,6 +74,12 @@ def _ours(rig: Rig, points: Correspondences) -> list[Pose]:
     H = fit_homography(x, y, source_sigma=1 / rig.camera.K[0, 0], target_sigma=1 / rig.projector.K[0, 0])
     poses = planar_pose_candidates(H, np.array([*x.mean(axis=0), 1.0]))
     return [(pose.R, pose.translation_over_distance) for pose in poses]
+
+
+def _ours_robust(rig: Rig, points: Correspondences) -> list[Pose]:
+    """The largest plane, found without being told the noise, and the maximum-likelihood homography of its points."""
+    x, y = rig.camera.unproject(points.camera_px), rig.projector.unproject(points.projector_px)
+    return _ours(rig, points.select(fit_homography_robust(x, y).inliers))
 
 
 def _normalised(rig: Rig, H: FloatArray) -> FloatArray:

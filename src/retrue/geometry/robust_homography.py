@@ -20,6 +20,7 @@ HYPOTHESES = 200  # in one go; at 30 % of the points on the plane, a local sampl
 MOST_HYPOTHESES = 2000
 MISSED = 1e-3  # chance that no sample was all on the plane, at which the search ends
 SCORED_POINTS = 600
+COARSEST = 0.01  # noise that the search starts from, of the spread of the points
 CUTOFF = 4.0  # of the noise, where a point stops to count
 LARGEST_SCATTER = 0.45  # of the cutoff, RMS; points that fill the band by chance have 0.58
 MEDIAN_DISTANCE = 1.1774  # of two normal components, in their sigma
@@ -80,11 +81,15 @@ def fit_homography_robust(
     spread = float(target.std(axis=0).max())
     scale = noise or min(2 * local_noise(source, target, rng), 0.1 * spread) or 0.02 * spread
     found: RobustHomography | None = None
-    for _ in range(1 if noise else 4):
+    rounds = 1 if noise else 4
+    while rounds:
         again = largest_plane(source, target, max(scale, 1e-12 * spread), fewest, rng)
+        if again is None and found is None and noise is None and 0 < scale < COARSEST * spread:
+            scale *= 3  # neighbours agree with each other more closely than with the plane: their noise is smooth
+            continue
         if again is None:
             break
-        found = again
+        found, rounds = again, rounds - 1
         distance = homography_residuals(found.homography, source, target, 0.0, 1.0)
         count = np.count_nonzero(found.inliers)
         freedom = np.sqrt(count / max(count - MINIMAL_POINTS, 1))
