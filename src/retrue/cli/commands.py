@@ -55,7 +55,7 @@ EXAMPLES: dict[str, tuple[str, ...]] = {
     "verify": ("retrue verify rig.json wall.jpg --pattern pattern.json",),
     "reconstruct": (
         "retrue reconstruct rig.json scene.jpg --pattern pattern.json --out cloud.ply",
-        "retrue reconstruct rig.json scene.jpg --pattern pattern.json \\\n      --out cloud.ply --mesh part.stl --cad part.step",
+        "retrue reconstruct rig.json scene.jpg --pattern pattern.json \\\n      --out cloud.ply --mesh part.stl",
     ),
     "view": ("retrue view rig.json cloud.ply",),
     "watch": ("retrue watch rig.json incoming/ --pattern pattern.json --out watch-out",),

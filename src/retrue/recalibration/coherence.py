@@ -17,6 +17,7 @@ from retrue.recalibration.prepare import Rays
 
 APART = 10.0  # times the noise: nearer to the line where two planes meet, either may claim a point
 ENOUGH_POINTS = 2000
+LARGE = 0.25
 ALIKE = 0.25  # residuals of two neighbours, apart by less than this share of the larger
 ALIKE_BY_CHANCE = 0.25  # share of independent ones that are; 1/8 where uniform
 
@@ -45,9 +46,10 @@ def interleaved_share(fit: PoseFit, rays: Rays) -> float:
     """
     rows = np.flatnonzero(rays.points.plane_index != FREE)
     rows = rows[:: max(1, len(rows) // ENOUGH_POINTS)]
-    foreign = 0
+    foreign = counted = 0
     for capture in range(int(rays.capture.max(initial=-1)) + 1):
         mine = rows[rays.capture[rows] == capture]
+        mine = mine[_on_large_planes(rays.points.plane_index[mine])]
         if len(mine) < 2:
             continue
         x = rays.points.camera_rays[mine]
@@ -55,7 +57,14 @@ def interleaved_share(fit: PoseFit, rays: Rays) -> float:
         other = plane[_nearest(x)]
         apart: BoolArray = _apart(fit, x, plane, other) > APART * _noise(fit, rays, mine)
         foreign += int(np.count_nonzero((other != plane) & apart))
-    return foreign / max(len(rows), 1)
+        counted += len(mine)
+    return foreign / max(counted, 1)
+
+
+def _on_large_planes(plane: IntArray) -> BoolArray:
+    """(N,) points of planes with a quarter of all: a mixture has two of them, scattered points none."""
+    counts = np.bincount(plane)
+    return counts[plane] >= LARGE * len(plane)
 
 
 def _nearest(x: FloatArray) -> IntArray:

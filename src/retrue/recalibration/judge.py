@@ -9,8 +9,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from retrue.geometry.arrays import FloatArray
-from retrue.geometry.transform import direction_angle
+from retrue.geometry.transform import RigidTransform, direction_angle, rotation_angle
 from retrue.geometry.two_view import FREE
 from retrue.recalibration.candidates import Comparison
 from retrue.recalibration.coherence import contradicting_share, interleaved_share
@@ -37,6 +36,7 @@ from retrue.recalibration.reasons import (
 from retrue.recalibration.result import Evidence, PoseChange, PoseSigma
 from retrue.recalibration.systematic import FocalChange, focal_change
 
+CLEARLY_TURNED_DEG = 5.0
 DEVICES = ("camera", "projector")
 TOO_FAR = 2.2  # times the largest believable move: what the old direction of t rules out
 
@@ -54,10 +54,11 @@ def twin_is_resolved(comparison: Comparison, options: RecalibrateOptions) -> boo
     return comparison.margin >= options.twin_margin and comparison.deviations >= options.twin_deviations
 
 
-def choose_twin(comparison: Comparison, old_t: FloatArray, options: RecalibrateOptions) -> Choice | Reason:
+def choose_twin(comparison: Comparison, old: RigidTransform, options: RecalibrateOptions) -> Choice | Reason:
     """By points off the plane; else by what lies behind a device; else by the old direction of t.
 
-    The old direction decides only where one candidate is a believable move from it, and the other much too far.
+    The old direction decides only where one candidate is a believable move from it, the other much too far, and
+    the old rotation does not speak clearly for the other.
     """
     if len(comparison.fits) == 1:
         return Choice(0, "the twins coincide")
@@ -69,10 +70,13 @@ def choose_twin(comparison: Comparison, old_t: FloatArray, options: RecalibrateO
         return PointsBehind(min(behind))
     if len(possible) == 1:
         return Choice(possible[0], f"cheirality (the twin has {max(behind):.0%} of the plane behind a device)")
-    angles = np.degrees([direction_angle(fit.pose.t, old_t) for fit in comparison.fits])
+    angles = np.degrees([direction_angle(fit.pose.t, old.t) for fit in comparison.fits])
     nearest = int(np.argmin(angles))
     near, far = float(angles[nearest]), float(angles[1 - nearest])
-    if near <= options.max_unchecked_change_deg and far >= TOO_FAR * options.max_unchecked_change_deg:
+    turned = np.degrees([rotation_angle(fit.pose.R @ old.R.T) for fit in comparison.fits])
+    contradicted = turned[nearest] > CLEARLY_TURNED_DEG and turned[1 - nearest] < turned[nearest] / 4
+    believable = near <= options.max_unchecked_change_deg and far >= TOO_FAR * options.max_unchecked_change_deg
+    if believable and not contradicted:
         return Choice(nearest, f"the old direction of t ({near:.1f} deg away, the twin {far:.1f} deg)")
     angle = min(_angle_to_fold(fit) for fit in comparison.fits)
     return TwinsUnresolved(near, far) if angle > options.min_fold_deg else NearFold(angle)

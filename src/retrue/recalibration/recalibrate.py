@@ -31,7 +31,7 @@ def recalibrate(
     Parameters
     ----------
     rig : intrinsics that still hold, and the old pose: its |t| gives the scale, and its direction of t tells the
-        twins apart where the scene cannot. Its rotation is not used.
+        twins apart where the scene cannot, unless its rotation clearly speaks against it.
     captures : correspondences of each; several are solved jointly.
     options : limits, and the known distance.
 
@@ -51,7 +51,7 @@ def recalibrate(
     total = sum(len(capture) for capture in captures)
     try:
         estimate = estimate_pose(rig, captures, options)
-        choice = choose_twin(estimate.comparison, rig.projector_from_camera.t, options)
+        choice = choose_twin(estimate.comparison, rig.projector_from_camera, options)
         if isinstance(choice, Reason):
             return Refused(choice, _unresolved(rig, estimate, total, options))
         rays = supporting_rays(estimate, options)

@@ -89,7 +89,7 @@ def verify(rig: Rig, captures: Sequence[Correspondences], options: VerifyOptions
 def _verify(rig: Rig, captures: Sequence[Correspondences], total: int, options: VerifyOptions) -> Verification:
     estimate = estimate_pose(rig, captures, options.estimate)
     rays = supporting_rays(estimate, options.estimate)
-    choice = choose_twin(estimate.comparison, rig.projector_from_camera.t, options.estimate)
+    choice = choose_twin(estimate.comparison, rig.projector_from_camera, options.estimate)
     fit = _supported_fit(rig, estimate, choice, rays)
     old = rig.projector_from_camera
     unit_t = old.t / np.linalg.norm(old.t)
