@@ -99,6 +99,8 @@ class Recalibrate(ReportingCommand):
 
 def _described(result: Accepted | Refused, unit: str) -> str:
     """The answer in a few lines."""
+    from retrue.report.lengths import figures
+
     evidence = result.evidence
     lines = [f"{type(result).__name__.lower()}: {result.reason}"]
     lines.append(f"from {evidence.correspondences} correspondences")
@@ -111,10 +113,10 @@ def _described(result: Accepted | Refused, unit: str) -> str:
         sigma = evidence.sigma
         lines.append(f"sigma {sigma.rotation_deg:.3f} deg, direction of t {sigma.translation_deg:.3f} deg")
     if evidence.change is not None and evidence.change.displacement is not None:
-        distance = f"{evidence.working_distance:.4g} {unit}"
-        lines.append(f"points at {distance} were off by {evidence.change.displacement:.4g} {unit}")
+        distance = f"{figures(evidence.working_distance, 4)} {unit}"
+        lines.append(f"points at {distance} were off by {figures(evidence.change.displacement, 4)} {unit}")
     if evidence.sigma is not None and evidence.sigma.displacement is not None:
-        lines[-1] += f", are now within {evidence.sigma.displacement:.3g} {unit} (sigma)"
+        lines[-1] += f", are now within {figures(evidence.sigma.displacement)} {unit} (sigma)"
     if evidence.scale:
         lines.append(f"scale: {evidence.scale}")
     return "\n".join(lines)

@@ -125,7 +125,7 @@ def _verify(rig: Rig, captures: Sequence[Correspondences], total: int, options: 
         return verdict("unknown", cause)
     moved = f"{found.rotation_deg:.3f} deg in rotation, {found.translation_deg:.3f} deg in the direction of t"
     if depth is not None and found.displacement is not None:
-        moved += f", {found.displacement:.4g} {rig.unit} for points at {depth:.4g} {rig.unit}"
+        moved += f", {round(found.displacement, 9):.4g} {rig.unit} for points at {depth:.4g} {rig.unit}"
     limit = _distance_limit(options.false_alarms)
     if distance > limit and isinstance(choice, Reason):  # it may have, or this is the twin of a rig that holds
         return verdict("unknown", choice)
