@@ -89,8 +89,7 @@ def compare_candidates(rays: Rays, homographies: list[FloatArray], rng: np.rando
     reference = min(fits, key=lambda fit: float(fit.epipolar_noise.variance.mean()))
     first = min(fits, key=lambda fit: float(_point_chi_square(fit, reference).sum()))
     rivals = [fit for fit in fits if not same_pose(fit.pose, first.pose)]
-    if not rivals:  # all starts led to one pose; its twin then is the rival, as it stands
-        rivals = _twins(first, points, blocks, homographies)
+    rivals += _twins(first, points, blocks, homographies)  # as it stands: refining may lead it away, or back
     if not rivals:
         return Comparison(rays, (first,), 0.0, 0.0, 0)
     return min((_compared(rays, first, rival) for rival in rivals), key=lambda found: found.margin)
