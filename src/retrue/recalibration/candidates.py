@@ -100,7 +100,9 @@ def _compared(rays: Rays, first: PoseFit, rival: PoseFit) -> Comparison:
     points = rays.points
     near = np.abs(rival.found.along) < CUTOFF * first.along_noise.level  # not by its own, wider noise
     fitted = points.plane_index[rival.found.rows[near]]
-    own_plane = int(np.argmax(np.bincount(fitted))) if len(fitted) else FREE
+    if len(fitted) == 0:  # it was led away: the plane that it came from tells nothing all the same
+        fitted = points.plane_index[points.plane_index != FREE]
+    own_plane = int(np.argmax(np.bincount(fitted)))
     off = points.plane_index != own_plane
     preferred = _point_chi_square(rival, first) - _point_chi_square(first, first)
     squares = float((preferred[off] ** 2).sum())
