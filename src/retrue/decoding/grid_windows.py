@@ -11,7 +11,7 @@ from retrue.decoding.grid_links import NONE, Links
 from retrue.decoding.grid_surface import Joints
 from retrue.errors import InputError
 from retrue.geometry.arrays import BoolArray, FloatArray, IntArray
-from retrue.geometry.compiling import compiled, numba
+from retrue.geometry.compiling import compiled, inlined, numba
 from retrue.patterns.color_grid import ColorGrid
 
 EXACT_VOTE, CORRECTED_VOTE = 3, 1
@@ -49,13 +49,6 @@ class Code:
         """Row, column and rotation of places."""
         return place // (4 * self.columns), place // 4 % self.columns, place % 4
 
-    def moved(self, place: IntArray, offset: IntArray, turn: IntArray) -> IntArray:
-        """Place of the block at `offset` (row, column) in the frame of the block at `place`, or -1 outside."""
-        place, down, right, turn = np.broadcast_arrays(place, offset[..., 0], offset[..., 1], turn)
-        result = np.empty(place.shape, dtype=np.int64)
-        _moved(*(np.ravel(a) for a in (place, down, right, turn)), self.rows, self.columns, result.reshape(-1))
-        return result
-
     def color(self, place: IntArray) -> IntArray:
         """Colour index that the code has at each place; -1 for none."""
         row, column, _ = self.split(np.maximum(place, 0))
@@ -84,18 +77,21 @@ class Code:
 
 
 _INTEGERS = numba.types.Array(numba.int64, 1, "C", readonly=True)
+_WINDOWS = numba.types.Array(numba.int64, 2, "C", readonly=True)
+_FLAGS = numba.types.Array(numba.boolean, 1, "C", readonly=True)
+_OUT_INTEGERS = numba.types.Array(numba.int64, 1, "C")
 
 
-@compiled(numba.void(*[_INTEGERS] * 4, numba.int64, numba.int64, numba.types.Array(numba.int64, 1, "C")))
-def _moved(
-    place: IntArray, down: IntArray, right: IntArray, turn: IntArray, rows: int, columns: int, result: IntArray
-) -> None:
-    for i in range(len(place)):
-        rotation, cell = place[i] % 4, place[i] // 4
-        row = cell // columns + down[i] * COSINE[rotation] + right[i] * SINE[rotation]
-        column = cell % columns + right[i] * COSINE[rotation] - down[i] * SINE[rotation]
-        inside = place[i] >= 0 and 0 <= row < rows and 0 <= column < columns
-        result[i] = (row * columns + column) * 4 + (rotation - turn[i]) % 4 if inside else NONE
+@inlined
+def _moved(place: int, cell: int, turn: int, rows: int, columns: int) -> int:
+    """Place of the block in that `cell` of the window of the block at `place`, or -1 outside."""
+    if place < 0:
+        return NONE
+    rotation, row, column = place % 4, place // (4 * columns), place // 4 % columns
+    down, right = cell // 3 - 1, cell % 3 - 1
+    row += down * COSINE[rotation] + right * SINE[rotation]
+    column += right * COSINE[rotation] - down * SINE[rotation]
+    return (row * columns + column) * 4 + (rotation - turn) % 4 if 0 <= row < rows and 0 <= column < columns else NONE
 
 
 @lru_cache(maxsize=4)
@@ -116,29 +112,22 @@ def place_blocks(code: Code, links: Links, label: IntArray) -> IntArray:
     members = links.around
     seen = np.where(members >= 0, label[members], NONE)
     exact = code.find(seen)
-    voters = [(exact, EXACT_VOTE)]
+    voters, votes = [exact], [EXACT_VOTE] + [CORRECTED_VOTE] * 9
     open_rows = np.flatnonzero((exact < 0) & ((seen >= 0).sum(axis=1) >= 8))
     for cell in range(9) if len(open_rows) else ():
         corrected = np.full(len(seen), NONE)
         corrected[open_rows] = code.find(seen[open_rows], without=cell)
-        voters.append((corrected, CORRECTED_VOTE))
-    place = _vote(code, links, voters)
+        voters.append(corrected)
+    nowhere = np.full(len(seen), NONE)
+    place = _elected(code, links, label, nowhere, np.stack(voters), np.array(votes), lead=2.0, by_color=False)
     for _ in range(4):
-        place = _drop_disputed(code, links, label, place)
-        grown = _grow(code, links, label, place)
+        place = _undisputed(code, links, label, place)
+        said = place[None]
+        grown = _elected(code, links, label, place, said, np.ones(1, np.int64), lead=1.0, by_color=True)
         if np.array_equal(grown, place):
             break
         place = grown
-    return _drop_disputed(code, links, label, place)
-
-
-def agreeing_links(code: Code, links: Links, place: IntArray) -> tuple[BoolArray, BoolArray]:
-    """(N, 9) which members of each window stand where the centre says, and which stand elsewhere."""
-    expected = code.moved(place[:, None], OFFSETS, links.around_turn)
-    there = np.where(links.around >= 0, place[links.around], NONE)
-    known = (place[:, None] >= 0) & (there >= 0)
-    known[:, 4] = False
-    return known & (expected == there), known & (expected != there)
+    return _undisputed(code, links, label, place)
 
 
 def neighbours_colors(
@@ -146,19 +135,38 @@ def neighbours_colors(
 ) -> tuple[IntArray, IntArray]:
     """How many of the eight neighbours of each block (N,) stand where it says and have the colour that the code has
     there; and how many are `clear`ly of another colour, wherever they stand."""
-    expected = code.moved(place[:, None], OFFSETS, links.around_turn)
-    there = links.around >= 0
-    seen = np.where(there, label[links.around], NONE)
-    right = there & (expected >= 0) & (seen == code.color(expected))
-    agree, _ = agreeing_links(code, links, place)
-    wrong = there & (expected >= 0) & ~right & clear[links.around]
-    wrong[:, 4] = False
-    return (agree & right).sum(axis=1), wrong.sum(axis=1)
+    agreeing, contradicting = np.zeros(len(place), np.int64), np.zeros(len(place), np.int64)
+    _count_colors(*_grid(code, links), label, clear, place, agreeing, contradicting)
+    return agreeing, contradicting
+
+
+@compiled(numba.void(*[_WINDOWS] * 3, _INTEGERS, _FLAGS, _INTEGERS, _OUT_INTEGERS, _OUT_INTEGERS))
+def _count_colors(
+    cells: IntArray,
+    around: IntArray,
+    turn: IntArray,
+    label: IntArray,
+    clear: BoolArray,
+    place: IntArray,
+    agreeing: IntArray,
+    contradicting: IntArray,
+) -> None:
+    rows, columns = cells.shape
+    for n in range(len(place)):
+        for cell in range(9):
+            there, expected = around[n, cell], _moved(place[n], cell, turn[n, cell], rows, columns)
+            if cell == 4 or there < 0 or expected < 0:
+                continue
+            if label[there] != cells[expected // (4 * columns), expected // 4 % columns]:
+                contradicting[n] += clear[there]
+            elif place[there] == expected:
+                agreeing[n] += 1
 
 
 def surface_evidence(code: Code, links: Links, label: IntArray, place: IntArray) -> FloatArray:
     """By how many nats the surface of each block (N,), held by agreeing links, matches the code beyond chance."""
-    agree, _ = agreeing_links(code, links, place)
+    agree = np.zeros(links.around.shape, dtype=np.bool_)
+    _agree(*_grid(code, links), place, agree)
     row, cell = np.nonzero(agree)
     return _evidence(code, row, links.around[row, cell], place >= 0, code.color(place) == label)
 
@@ -209,51 +217,109 @@ def joined_places(links: Links, place: IntArray, holder: IntArray) -> Joints:
     return Joints((right[:, :-1] >= 0) & (right[:, :-1] == holder[:, 1:]), (down[:-1] >= 0) & (down[:-1] == holder[1:]))
 
 
-def _vote(code: Code, links: Links, voters: list[tuple[IntArray, int]]) -> IntArray:
-    blocks: list[IntArray] = []
-    places: list[IntArray] = []
-    weights: list[NDArray[np.int64]] = []
-    for centre, weight in voters:
-        decoded = np.flatnonzero(centre >= 0)
-        target = links.around[decoded]
-        place = code.moved(centre[decoded][:, None], OFFSETS, links.around_turn[decoded])
-        use = (target >= 0) & (place >= 0)
-        blocks.append(target[use])
-        places.append(place[use])
-        weights.append(np.full(int(use.sum()), weight))
-    block, place, weight = np.concatenate(blocks), np.concatenate(places), np.concatenate(weights)
-    return _majority(len(links.around), block, place, weight, lead=2.0)
+def _grid(code: Code, links: Links) -> tuple[IntArray, IntArray, IntArray]:
+    return code.cells, links.around, links.around_turn
 
 
-def _majority(count: int, block: IntArray, place: IntArray, weight: NDArray[np.int64], lead: float) -> IntArray:
-    """Place with the most votes of each block, where it has two, and `lead` times as many as all others together."""
-    result = np.full(count, NONE)
-    if len(block) == 0:
-        return result
-    span = int(place.max()) + 1
-    ballot, inverse = np.unique(block * span + place, return_inverse=True)
-    votes = np.bincount(inverse, weight)
-    owner = ballot // span
-    cast = np.bincount(owner, votes, count)
-    wins = (votes >= 2) & (votes > lead * (cast[owner] - votes))
-    result[owner[wins]] = ballot[wins] % span
-    return result
+@compiled(numba.void(*[_WINDOWS] * 3, _INTEGERS, numba.types.Array(numba.boolean, 2, "C")))
+def _agree(cells: IntArray, around: IntArray, turn: IntArray, place: IntArray, agree: BoolArray) -> None:
+    """`agree` (N, 9) <- which members of each window stand where the block in its middle says."""
+    rows, columns = cells.shape
+    for n in range(len(place)):
+        for cell in range(9):
+            there = around[n, cell]
+            if cell != 4 and place[n] >= 0 and there >= 0 and place[there] >= 0:
+                agree[n, cell] = place[there] == _moved(place[n], cell, turn[n, cell], rows, columns)
 
 
-def _drop_disputed(code: Code, links: Links, label: IntArray, place: IntArray) -> IntArray:
+def _undisputed(code: Code, links: Links, label: IntArray, place: IntArray) -> IntArray:
     """A place stands against a minority of the neighbours; of a colour that is not the code's, against half as many."""
-    agree, against = agreeing_links(code, links, place)
-    right = code.color(place) == label
-    keep = agree.sum(axis=1) > np.where(right, 1, 2) * against.sum(axis=1)
-    return np.where(keep, place, NONE)
+    kept = np.full_like(place, NONE)
+    _keep(*_grid(code, links), label, place, kept)
+    return kept
 
 
-def _grow(code: Code, links: Links, label: IntArray, place: IntArray) -> IntArray:
-    """Places of blocks without one, as two or more neighbours say and their own colour confirms."""
-    target = links.around
-    said = code.moved(place[:, None], OFFSETS, links.around_turn)
-    use = (target >= 0) & (said >= 0)
-    use &= np.where(use, place[target] < 0, False) & (code.color(said) == np.where(use, label[target], NONE))
-    block, where = target[use], said[use]
-    grown = _majority(len(place), block, where, np.ones(len(block), np.int64), lead=1.0)
-    return np.where(place >= 0, place, grown)
+@compiled(numba.void(*[_WINDOWS] * 3, *[_INTEGERS] * 2, _OUT_INTEGERS))
+def _keep(
+    cells: IntArray, around: IntArray, turn: IntArray, label: IntArray, place: IntArray, kept: IntArray
+) -> None:
+    rows, columns = cells.shape
+    for n in range(len(place)):
+        if place[n] < 0:
+            continue
+        agree, against = 0, 0
+        for cell in range(9):
+            there = around[n, cell]
+            if cell != 4 and there >= 0 and place[there] >= 0:
+                if place[there] == _moved(place[n], cell, turn[n, cell], rows, columns):
+                    agree += 1
+                else:
+                    against += 1
+        right = label[n] == cells[place[n] // (4 * columns), place[n] // 4 % columns]
+        if agree > (1 if right else 2) * against:
+            kept[n] = place[n]
+
+
+def _elected(
+    code: Code,
+    links: Links,
+    label: IntArray,
+    place: IntArray,
+    said: IntArray,
+    votes: IntArray,
+    lead: float,
+    by_color: bool,
+) -> IntArray:
+    """`place` (N,), and of blocks without one the place that most windows give them.
+
+    Window n says, `said` (V, N), where its middle stands; all its members are given `votes` (V,) for their places. A
+    place needs two votes, and `lead` >= 1 times as many as all others together. `by_color`: one with the block's own
+    colour.
+    """
+    elected = place.copy()
+    _elect(*_grid(code, links), label, place, said, votes, lead, by_color, elected)
+    return elected
+
+
+@compiled(
+    numba.void(*[_WINDOWS] * 3, *[_INTEGERS] * 2, _WINDOWS, _INTEGERS, numba.float64, numba.boolean, _OUT_INTEGERS)
+)
+def _elect(
+    cells: IntArray,
+    around: IntArray,
+    turn: IntArray,
+    label: IntArray,
+    place: IntArray,
+    said: IntArray,
+    votes: IntArray,
+    lead: float,
+    by_color: bool,
+    elected: IntArray,
+) -> None:
+    """Boyer and Moore: whoever has more than half of all votes is left, when votes for others cancel them out."""
+    rows, columns = cells.shape
+    balance, won, cast = np.zeros_like(place), np.zeros_like(place), np.zeros_like(place)
+    for counting in (False, True):
+        for v in range(len(said)):
+            for n in range(len(place)):
+                if said[v, n] < 0:
+                    continue
+                for cell in range(9):
+                    there = around[n, cell]
+                    if there < 0 or place[there] >= 0:
+                        continue
+                    where = _moved(said[v, n], cell, turn[n, cell], rows, columns)
+                    if where < 0 or (by_color and cells[where // (4 * columns), where // 4 % columns] != label[there]):
+                        continue
+                    if counting:
+                        cast[there] += votes[v]
+                        won[there] += votes[v] if where == elected[there] else 0
+                    elif where == elected[there]:
+                        balance[there] += votes[v]
+                    else:
+                        balance[there] -= votes[v]
+                        if balance[there] < 0:
+                            elected[there], balance[there] = where, -balance[there]
+    for n in range(len(place)):
+        if place[n] < 0 and not (won[n] >= 2 and won[n] > lead * (cast[n] - won[n])):
+            elected[n] = NONE
