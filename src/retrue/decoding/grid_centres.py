@@ -9,9 +9,10 @@ from functools import cache
 import cv2
 import numpy as np
 
-from retrue.decoding.grid_sampling import profiles, sample
+from retrue.decoding.grid_sampling import PICTURES, in_two_threads, read_profile, sample
 from retrue.decoding.grid_surface import Joints, agreement, slopes
 from retrue.geometry.arrays import BoolArray, FloatArray, Image
+from retrue.geometry.compiling import MATRIX, OUT_MATRIX, STACK, VECTOR, compiled, numba
 
 LINES = 3  # profiles side by side, over the middle of the block
 SIDE_LINES = 9  # along each side, where a print disturbs the profiles
@@ -25,6 +26,7 @@ SIDE_SAMPLES = 9  # across one side
 SIDE_WINDOW = 0.88  # of half a gap: how far those reach from the side
 CHANNEL_TRUST = np.array([1.0, 2.0, 1.0])  # green is sampled twice as densely, and never subsampled
 ROUNDS = 2
+FARTHEST_FIT = 0.15  # pitches that one fit may move a centre
 FARTHEST = 0.12  # of a pitch that a centre may lie off the middle of its blob
 STRAIGHT = 4.0  # sigmas by which lines through one block may differ on a smooth surface
 DISAGREEMENT = 0.06  # of a pitch between two ways to measure: more, and the block is cut
@@ -72,7 +74,7 @@ def refine_centres(image: Image, coarse: FloatArray, joints: Joints, duty: float
     neighbours say, if those agree, and gone if nothing agrees.
     """
     right, down, _ = slopes(coarse, joints)
-    pitch = np.minimum(np.linalg.norm(right, axis=-1), np.linalg.norm(down, axis=-1))
+    pitch = np.minimum(_length(right), _length(down))
     known = np.isfinite(pitch)
     if not known.any():
         return Centres(np.full_like(coarse, np.nan), np.full(coarse.shape[:2], np.nan))
@@ -90,9 +92,9 @@ def refine_centres(image: Image, coarse: FloatArray, joints: Joints, duty: float
                 break
             shift = 0.5 * (duty / 2) ** 2 * bend[now]
             p, u, v, w = position[now] + shift, right[now], down[now], weights[now]
-            along, across = offset(picture, w, p, u, v, duty), offset(picture, w, p, v, u, duty)
-            position[now] = p + along[:, None] * u + across[:, None] * v - shift
-            position[~(np.linalg.norm(position - coarse, axis=-1) < FARTHEST * pitch)] = np.nan
+            off = offset(picture, w, p, u, v, duty)
+            position[now] = p + off[:, :1] * u + off[:, 1:] * v - shift
+            position[~(_length(position - coarse) < FARTHEST * pitch)] = np.nan
         return position
 
     fitted = measured(known, coarse, smooth, _profile_offset)
@@ -102,7 +104,7 @@ def refine_centres(image: Image, coarse: FloatArray, joints: Joints, duty: float
     second = agreement(by_sides, joints) if again.any() else first
     lost = ~np.isfinite(by_sides[..., 0])
     unsure = again & (second.odd | lost | ~np.isfinite(fitted[..., 0]))
-    between = np.linalg.norm(by_sides - fitted, axis=-1)
+    between = _length(by_sides - fitted)
     straight = np.isfinite(second.expected[..., 0]) & (second.spread < STRAIGHT * first.sigma)
     position = np.where((unsure & straight)[..., None], second.expected, by_sides)
     limit = np.where(joints.inside(), DISAGREEMENT, RIM_DISAGREEMENT) * pitch
@@ -110,6 +112,10 @@ def refine_centres(image: Image, coarse: FloatArray, joints: Joints, duty: float
     doubt = np.where(unsure, np.where(straight, second.spread, between), 0.0)
     doubt[~np.isfinite(position[..., 0])] = np.nan
     return Centres(position, doubt)
+
+
+def _length(vector: FloatArray) -> FloatArray:
+    return np.hypot(vector[..., 0], vector[..., 1])
 
 
 def _color_weights(picture: _Smoothed, p: FloatArray, u: FloatArray, v: FloatArray) -> FloatArray:
@@ -122,29 +128,57 @@ def _color_weights(picture: _Smoothed, p: FloatArray, u: FloatArray, v: FloatArr
 def _profile_offset(
     picture: _Smoothed, weights: FloatArray, p: FloatArray, u: FloatArray, v: FloatArray, duty: float
 ) -> FloatArray:
-    """How far along u, in pitches, the block's middle is from p: least squares of its whole profile.
+    """How far along u and v, in pitches, the middles of the blocks are from p, (N, 2): least squares of whole profiles.
 
     The profile is A B(t - d) + A1 B(t - 1) + A2 B(t + 1) + C: the block, its two neighbours' blur, the gap. To first
     order in d that is linear, so A and A d are two fixed filters of the profile.
     """
-    t = np.linspace(-REACH, REACH, SAMPLES)
-    profile = profiles(picture.pixels, weights, p, u, v, t, _beside(LINES, duty))
-    height_filters, shift_filters = _filters(duty)
-    blur: FloatArray = picture.blur_px / np.maximum(np.linalg.norm(u, axis=-1), 1e-6)
-    nearest = np.searchsorted(BLUR_BORDERS, blur)
-    height = np.einsum("nt,nt->n", height_filters[nearest], profile)
-    shift = np.einsum("nt,nt->n", shift_filters[nearest], profile)
-    return np.clip(shift / np.maximum(height, 1e-6), -0.15, 0.15)
+    t, s, off = np.linspace(-REACH, REACH, SAMPLES), _beside(LINES, duty), np.empty((len(p), 2))
+    filters = _filters(duty)
+
+    def fit(n: slice) -> None:
+        _fit_profiles(picture.pixels, weights[n], p[n], u[n], v[n], t, s, filters, picture.blur_px, off[n])
+
+    in_two_threads(fit, len(p))
+    return off
+
+
+@compiled(
+    [numba.void(kind, *[MATRIX] * 4, VECTOR, VECTOR, STACK, numba.float64, OUT_MATRIX) for kind in PICTURES], nogil=True
+)
+def _fit_profiles(
+    picture: Image,
+    weights: FloatArray,
+    p: FloatArray,
+    u: FloatArray,
+    v: FloatArray,
+    t: FloatArray,
+    s: FloatArray,
+    filters: FloatArray,
+    blur_px: float,
+    off: FloatArray,
+) -> None:
+    profile = np.empty(len(t))
+    for n in range(len(p)):
+        for axis in range(2):
+            along, beside = (u[n], v[n]) if axis == 0 else (v[n], u[n])
+            read_profile(picture, weights[n], p[n], along, beside, t, s, profile)
+            blur = blur_px / max(np.sqrt(along[0] ** 2 + along[1] ** 2), 1e-6)
+            kind = np.searchsorted(BLUR_BORDERS, blur)
+            height, shift = 0.0, 0.0
+            for i in range(len(t)):
+                height += filters[kind, 0, i] * profile[i]
+                shift += filters[kind, 1, i] * profile[i]
+            off[n, axis] = min(max(shift / max(height, 1e-6), -FARTHEST_FIT), FARTHEST_FIT)
 
 
 @cache
-def _filters(duty: float) -> tuple[FloatArray, FloatArray]:
-    """For each of BLURS, the filters (len(BLURS), SAMPLES) that give A and A d of a profile."""
+def _filters(duty: float) -> FloatArray:
+    """For each of BLURS, the filters (len(BLURS), 2, SAMPLES) that give A and A d of a profile."""
     from scipy.special import ndtr
 
     t = np.linspace(-REACH, REACH, SAMPLES)
-    heights: list[FloatArray] = []
-    shifts: list[FloatArray] = []
+    filters: list[FloatArray] = []
     for blur in BLURS:
 
         def block(x: FloatArray, blur: float = blur) -> FloatArray:
@@ -153,10 +187,8 @@ def _filters(duty: float) -> tuple[FloatArray, FloatArray]:
         step = 1e-4
         slope = (block(t - step) - block(t + step)) / (2 * step)
         terms = np.stack([block(t), slope, block(t - 1), block(t + 1), np.ones_like(t)], axis=-1)
-        inverse = np.linalg.pinv(terms)
-        heights.append(inverse[0])
-        shifts.append(inverse[1])
-    return np.stack(heights), np.stack(shifts)
+        filters.append(np.linalg.pinv(terms)[:2])
+    return np.stack(filters)
 
 
 def _side_offset(
@@ -168,14 +200,36 @@ def _side_offset(
     off the middle of the window by (mean height - 1/2) of the window's length.
     """
     window = SIDE_WINDOW * min(1 - duty, duty) / 2
-    t = np.linspace(-window, window, SIDE_SAMPLES)
-    across = np.concatenate([duty / 2 + t, -(duty / 2 + t)])
-    profile = profiles(picture.pixels, weights, p, u, v, across, _beside(SIDE_LINES, duty))
-    profile = profile.reshape(len(p), 2, SIDE_SAMPLES)
-    inside, outside = profile[..., 0], profile[..., -1]
-    height = (profile.mean(axis=-1) - outside) / np.maximum(inside - outside, 1e-6)
-    edge = (np.clip(height, 0.0, 1.0) - 0.5) * 2 * window
-    return (edge[:, 0] - edge[:, 1]) / 2
+    t = duty / 2 + np.linspace(-window, window, SIDE_SAMPLES)
+    s, off = _beside(SIDE_LINES, duty), np.empty((len(p), 2))
+
+    def find(n: slice) -> None:
+        _find_sides(picture.pixels, weights[n], p[n], u[n], v[n], t, s, off[n])
+
+    in_two_threads(find, len(p))
+    return off
+
+
+@compiled([numba.void(kind, *[MATRIX] * 4, VECTOR, VECTOR, OUT_MATRIX) for kind in PICTURES], nogil=True)
+def _find_sides(
+    picture: Image,
+    weights: FloatArray,
+    p: FloatArray,
+    u: FloatArray,
+    v: FloatArray,
+    t: FloatArray,
+    s: FloatArray,
+    off: FloatArray,
+) -> None:
+    profile, window = np.empty(len(t)), (t[-1] - t[0]) / 2
+    for n in range(len(p)):
+        for axis in range(2):
+            along, beside = (u[n], v[n]) if axis == 0 else (v[n], u[n])
+            off[n, axis] = 0.0
+            for sign in (1, -1):
+                read_profile(picture, weights[n], p[n], along, beside, sign * t, s, profile)
+                height = (profile.mean() - profile[-1]) / max(profile[0] - profile[-1], 1e-6)
+                off[n, axis] += sign * (min(max(height, 0.0), 1.0) - 0.5) * window
 
 
 def _beside(lines: int, duty: float) -> FloatArray:

@@ -7,7 +7,7 @@ import numpy as np
 from retrue.decoding.grid_blocks import Blocks
 from retrue.decoding.grid_nearest import nearest_of_all
 from retrue.geometry.arrays import FloatArray, IntArray
-from retrue.geometry.compiling import MATRIX, VECTOR, compiled, numba
+from retrue.geometry.compiling import MATRIX, OUT_MATRIX, VECTOR, compiled, numba
 
 CANDIDATES = 8  # nearest blobs that may be one of the four neighbours, or one of the four diagonal ones
 SIZE_RATIO = 2.2  # between the areas of neighbours
@@ -89,21 +89,37 @@ def _choose(centre: FloatArray, whiten: FloatArray, area: FloatArray, near: IntA
                 best[direction], neighbour[n, direction] = length[m], near[n, m]
 
 
-def whitened_lengths(blocks: Blocks, links: Links) -> FloatArray:
-    """(N, 4) length of each link, in standard deviations of the block it starts from; NaN where there is none."""
-    step = blocks.centre[links.neighbour] - blocks.centre[:, None]
-    length = np.linalg.norm(np.einsum("nij,nkj->nki", _inverse_roots(blocks.shape), step), axis=-1)
-    return np.where(links.neighbour >= 0, length, np.nan)
+def lengths_and_bends(blocks: Blocks, links: Links) -> tuple[FloatArray, FloatArray]:
+    """Of each link (N, 4): its length in standard deviations of the block it starts from, and its change to the link
+    before or after it, the lesser one, over its length; NaN where there is none."""
+    length, bend = np.full(links.neighbour.shape, np.nan), np.full(links.neighbour.shape, np.nan)
+    whiten = np.ascontiguousarray(_inverse_roots(blocks.shape).reshape(-1, 4))
+    _measure(blocks.centre, whiten, links.neighbour, links.turn, length, bend)
+    return length, bend
 
 
-def bends(blocks: Blocks, links: Links) -> FloatArray:
-    """(N, 4) change of each link to the one before or after it, the lesser one, over its length; NaN: none."""
-    here = np.arange(4)
-    step = np.where((links.neighbour >= 0)[..., None], blocks.centre[links.neighbour] - blocks.centre[:, None], np.nan)
-    before = -step[:, (here + 2) % 4]
-    after = step[links.neighbour, (here + links.turn) % 4]
-    change = np.fmin(np.linalg.norm(step - before, axis=-1), np.linalg.norm(step - after, axis=-1))
-    return change / np.linalg.norm(step, axis=-1)
+@compiled(numba.void(MATRIX, MATRIX, _INTEGERS, _INTEGERS, OUT_MATRIX, OUT_MATRIX))
+def _measure(
+    centre: FloatArray, whiten: FloatArray, neighbour: IntArray, turn: IntArray, length: FloatArray, bend: FloatArray
+) -> None:
+    for n in range(len(centre)):
+        for k in range(4):
+            other = neighbour[n, k]
+            if other < 0:
+                continue
+            x, y = centre[other, 0] - centre[n, 0], centre[other, 1] - centre[n, 1]
+            sx, sy = whiten[n, 0] * x + whiten[n, 1] * y, whiten[n, 2] * x + whiten[n, 3] * y
+            length[n, k] = np.sqrt(sx * sx + sy * sy)
+            change = np.inf
+            before, after = neighbour[n, (k + 2) % 4], neighbour[other, (k + turn[n, k]) % 4]
+            if before >= 0:
+                change = np.hypot(x - centre[n, 0] + centre[before, 0], y - centre[n, 1] + centre[before, 1])
+            if after >= 0:
+                change = min(
+                    change, np.hypot(x - centre[after, 0] + centre[other, 0], y - centre[after, 1] + centre[other, 1])
+                )
+            if np.isfinite(change):
+                bend[n, k] = change / np.hypot(x, y)
 
 
 def _mutual(neighbour: IntArray) -> tuple[IntArray, IntArray]:

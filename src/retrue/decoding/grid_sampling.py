@@ -48,10 +48,8 @@ def bilinear(picture: Image, x: float, y: float) -> tuple[float, float, float]:
     )
 
 
-@compiled(
-    [numba.void(kind, MATRIX, MATRIX, MATRIX, MATRIX, VECTOR, VECTOR, OUT_MATRIX) for kind in PICTURES], nogil=True
-)
-def _profiles(
+@inlined
+def read_profile(
     picture: Image,
     weights: FloatArray,
     p: FloatArray,
@@ -59,26 +57,16 @@ def _profiles(
     v: FloatArray,
     t: FloatArray,
     s: FloatArray,
-    out: FloatArray,
+    profile: FloatArray,
 ) -> None:
-    for n in range(len(p)):
-        for i in range(len(t)):
-            total = 0.0
-            for beside in s:
-                x = p[n, 0] + t[i] * u[n, 0] + beside * v[n, 0]
-                y = p[n, 1] + t[i] * u[n, 1] + beside * v[n, 1]
-                red, green, blue = bilinear(picture, x, y)
-                total += weights[n, 0] * red + weights[n, 1] * green + weights[n, 2] * blue
-            out[n, i] = total / len(s)
-
-
-def profiles(
-    picture: Image, weights: FloatArray, p: FloatArray, u: FloatArray, v: FloatArray, t: FloatArray, s: FloatArray
-) -> FloatArray:
-    """(N, T) `weights` (N, 3) times the colour at p + t u + s v, mean over s: profiles along u. p, u, v (N, 2)."""
-    out = np.empty((len(p), len(t)))
-    in_two_threads(lambda n: _profiles(picture, weights[n], p[n], u[n], v[n], t, s, out[n]), len(p))
-    return out
+    """`profile` (T,) <- `weights` (3,) times the colour at p + t u + s v, mean over s; p, u, v (2,)."""
+    for i in range(len(t)):
+        total = 0.0
+        for beside in s:
+            x, y = p[0] + t[i] * u[0] + beside * v[0], p[1] + t[i] * u[1] + beside * v[1]
+            red, green, blue = bilinear(picture, x, y)
+            total += weights[0] * red + weights[1] * green + weights[2] * blue
+        profile[i] = total / len(s)
 
 
 @compiled([numba.void(kind, MATRIX, OUT_MATRIX) for kind in PICTURES])
