@@ -9,8 +9,9 @@ from functools import cache
 import cv2
 import numpy as np
 
+from retrue.decoding.grid_lines import agreement
 from retrue.decoding.grid_sampling import PICTURES, in_two_threads, read_profile, sample
-from retrue.decoding.grid_surface import Joints, agreement, slopes
+from retrue.decoding.grid_surface import Joints, slopes
 from retrue.geometry.arrays import BoolArray, FloatArray, Image
 from retrue.geometry.compiling import MATRIX, OUT_MATRIX, STACK, VECTOR, compiled, numba
 
