@@ -40,6 +40,10 @@ class Blocks:
     def __len__(self) -> int:
         return len(self.centre)
 
+    def area(self) -> FloatArray:
+        """(N,) of the blobs' parallelograms, over 12: the square root of det(shape)."""
+        return np.sqrt(np.maximum(self.shape[:, 0, 0] * self.shape[:, 1, 1] - self.shape[:, 0, 1] ** 2, 1e-9))
+
 
 def find_blocks(picture: Gray) -> Blocks:
     """Blobs of about 4 to 2 REACH px in an RGB picture (h, w, 3), each cut at half its own height.
@@ -92,7 +96,8 @@ def _blobs(owner: NDArray[np.int32], blobs: FloatArray) -> None:
 
 def _nearer_to_top(added: Gray, reach: Gray) -> Gray:
     """Mask (h, w) of the pixels that belong to a block, from what they add to their floor, (h, w, 3)."""
-    height = cast(Gray, cv2.max(cv2.max(added[..., 0], added[..., 1]), added[..., 2]))
+    red, green, blue = cv2.split(added)
+    height = cast(Gray, cv2.max(cv2.max(red, green), blue))
     top = cv2.dilate(height, np.ones((2 * RIM + 1, 2 * RIM + 1), np.uint8))
     bottom = cv2.erode(height, reach)
     middle = cv2.addWeighted(top, 0.5, bottom, 0.5, 0)

@@ -63,8 +63,10 @@ def hold_places(
         held = holder >= 0
         nats = patch_evidence(code, joints, held, held_by(holder, right, False))
         holder = np.where(nats > SIGNIFICANCE, holder, NONE)
-    verdict[np.setdiff1d(np.flatnonzero(verdict == Verdict.DECODED), holder)] = Verdict.OFF_SURFACE
-    return verdict, holder, joints.between(holder >= 0)
+    held = holder >= 0
+    verdict[verdict == Verdict.DECODED] = Verdict.OFF_SURFACE
+    verdict[holder[held]] = Verdict.DECODED
+    return verdict, holder, joints.between(held)
 
 
 def on_surfaces(blocks: Blocks, links: Links, place: IntArray, holder: IntArray) -> tuple[IntArray, Joints]:

@@ -31,7 +31,8 @@ class Links:
 
     def __init__(self, neighbour: IntArray, turn: IntArray) -> None:
         self.neighbour, self.turn = neighbour, turn
-        self.around, self.around_turn = _windows(neighbour, turn)
+        self.around, self.around_turn = np.full((len(neighbour), 9), NONE), np.zeros((len(neighbour), 9), np.int64)
+        _fill_windows(neighbour, turn, self.around, self.around_turn)
 
 
 def link_blocks(blocks: Blocks) -> Links:
@@ -46,10 +47,11 @@ def link_blocks(blocks: Blocks) -> Links:
     if count < 9:
         return Links(np.full((count, 4), NONE), np.zeros((count, 4), np.int64))
     near = nearest_of_all(blocks.centre, blocks.centre, min(CANDIDATES + 1, count))[1][:, 1:]
-    neighbour = np.full((count, 4), NONE)
-    area = np.sqrt(np.maximum(np.linalg.det(blocks.shape), 1e-9))
-    _choose(blocks.centre, np.ascontiguousarray(_inverse_roots(blocks.shape).reshape(-1, 4)), area, near, neighbour)
-    return Links(*_mutual(neighbour))
+    chosen, neighbour, turn = np.full((count, 4), NONE), np.full((count, 4), NONE), np.zeros((count, 4), np.int64)
+    whiten = np.ascontiguousarray(_inverse_roots(blocks.shape).reshape(-1, 4))
+    _choose(blocks.centre, whiten, blocks.area(), near, chosen)
+    _keep_mutual(chosen, neighbour, turn)
+    return Links(neighbour, turn)
 
 
 _INTEGERS = numba.types.Array(numba.int64, 2, "A")
@@ -122,43 +124,43 @@ def _measure(
                 bend[n, k] = change / np.hypot(x, y)
 
 
-def _mutual(neighbour: IntArray) -> tuple[IntArray, IntArray]:
-    """Links that both ends see, and the quarter turns between the frames of the ends."""
-    me = np.arange(len(neighbour))[:, None]
-    back = neighbour[neighbour]  # (N, 4, 4): the neighbours of each neighbour
-    is_me = back == me[..., None]
-    mutual = (neighbour >= 0) & is_me.any(axis=-1)
-    seen_from = np.argmax(is_me, axis=-1)  # direction in which the neighbour sees me
-    turn = (seen_from + 2 - np.arange(4)) % 4
-    return np.where(mutual, neighbour, NONE), np.where(mutual, turn, 0)
+@compiled(numba.void(*[_INTEGERS] * 3))
+def _keep_mutual(chosen: IntArray, neighbour: IntArray, turn: IntArray) -> None:
+    """`neighbour` (N, 4) <- those of `chosen` that both ends see, and the quarter turns between the frames of the ends."""
+    for n in range(len(chosen)):
+        for k in range(4):
+            other = chosen[n, k]
+            if other < 0:
+                continue
+            for back in range(4):
+                if chosen[other, back] == n:
+                    neighbour[n, k], turn[n, k] = other, (back + 2 - k) % 4
+                    break
 
 
-def _windows(neighbour: IntArray, turn: IntArray) -> tuple[IntArray, IntArray]:
+@compiled(numba.void(*[_INTEGERS] * 4))
+def _fill_windows(neighbour: IntArray, turn: IntArray, around: IntArray, turns: IntArray) -> None:
     """(N, 9) the blocks about each block and their turns, row by row; directions 0 1 2 3 are right, down, left, up.
 
     A diagonal block is reached over either side neighbour; where both ways exist they must agree.
     """
-    count = len(neighbour)
-    around = np.full((count, 9), NONE)
-    turns = np.zeros((count, 9), np.int64)
-    around[:, 4] = np.arange(count)
-    for k, cell in enumerate((5, 7, 3, 1)):
-        around[:, cell], turns[:, cell] = neighbour[:, k], turn[:, k]
-    for k, cell in enumerate((8, 6, 0, 2)):
-        first, first_turn = _two_steps(neighbour, turn, k, (k + 1) % 4)
-        second, second_turn = _two_steps(neighbour, turn, (k + 1) % 4, k)
-        clash = (first >= 0) & (second >= 0) & ((first != second) | (first_turn != second_turn))
-        use_first = first >= 0
-        around[:, cell] = np.where(clash, NONE, np.where(use_first, first, second))
-        turns[:, cell] = np.where(use_first, first_turn, second_turn)
-    return around, turns
-
-
-def _two_steps(neighbour: IntArray, turn: IntArray, k: int, then: int) -> tuple[IntArray, IntArray]:
-    one, one_turn = neighbour[:, k], turn[:, k]
-    direction = (then + one_turn) % 4
-    two = np.where(one >= 0, neighbour[one, direction], NONE)
-    return two, (one_turn + np.where(one >= 0, turn[one, direction], 0)) % 4
+    for n in range(len(neighbour)):
+        around[n, 4] = n
+        for k, cell in enumerate((5, 7, 3, 1)):
+            around[n, cell], turns[n, cell] = neighbour[n, k], turn[n, k]
+        for k, cell in enumerate((8, 6, 0, 2)):
+            for first, then in ((k, (k + 1) % 4), ((k + 1) % 4, k)):
+                side, side_turn = neighbour[n, first], turn[n, first]
+                if side < 0:
+                    continue
+                direction = (then + side_turn) % 4
+                corner, corner_turn = neighbour[side, direction], (side_turn + turn[side, direction]) % 4
+                if corner < 0:
+                    continue
+                if around[n, cell] >= 0 and (around[n, cell] != corner or turns[n, cell] != corner_turn):
+                    around[n, cell] = NONE
+                else:
+                    around[n, cell], turns[n, cell] = corner, corner_turn
 
 
 def _inverse_roots(shape: FloatArray) -> FloatArray:

@@ -191,20 +191,20 @@ def _compare_sides(
 ) -> None:
     """`alike` is cleared where a block's sides are not those of its linked neighbours, or the `usual` ones for lack."""
     rows, columns = alike.shape
-    others = np.empty(4)
     for r in range(rows):
         for c in range(columns):
             if not alike[r, c]:
                 continue
             for k in range(2):
-                for n, (dr, dc) in enumerate(((0, 1), (0, -1), (1, 0), (-1, 0))):
-                    i, j = r + dr, c + dc
-                    others[n] = usual[k]
+                total, least, most = 0.0, np.inf, 0.0
+                for dr, dc in ((0, 1), (0, -1), (1, 0), (-1, 0)):
+                    i, j, other = r + dr, c + dc, usual[k]
                     if 0 <= i < rows and 0 <= j < columns:
                         linked = linked_right[r, min(c, j)] if dr == 0 else linked_down[min(r, i), c]
                         if linked and np.isfinite(side[i, j, k]):
-                            others[n] = side[i, j, k]
-                like = (others.sum() - others.min() - others.max()) / 2  # their median
+                            other = side[i, j, k]
+                    total, least, most = total + other, min(least, other), max(most, other)
+                like = (total - least - most) / 2  # their median
                 pitch = np.hypot(right[r, c, 0], right[r, c, 1]) if k == 0 else np.hypot(down[r, c, 0], down[r, c, 1])
                 change = SIDE_CHANGE + PIXELS_CHANGE / max(12**0.5 * like * pitch, 1.0)
                 if not like / change < side[r, c, k] < change * like:

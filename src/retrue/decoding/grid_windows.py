@@ -188,9 +188,12 @@ def _evidence(code: Code, start: IntArray, end: IntArray, placed: BoolArray, rig
     surface = np.arange(count)
     _join(np.ascontiguousarray(start, dtype=np.int64), np.ascontiguousarray(end, dtype=np.int64), surface)
     n, m = np.bincount(surface, placed), np.bincount(surface, placed & right)
+    some = np.flatnonzero(n)
+    n, m, nats = n[some], m[some], np.full(count, -np.inf)
     log_chance = gammaln(n + 1) - gammaln(m + 1) - gammaln(n - m + 1) - m * np.log(max(code.base - 1, 2))
     log_trials = np.log(len(code.windows)) + np.log(max(int(placed.sum()), 1))
-    return np.where(placed, -(log_chance + log_trials)[surface], -np.inf)
+    nats[some] = -(log_chance + log_trials)
+    return np.where(placed, nats[surface], -np.inf)
 
 
 @compiled(numba.void(_INTEGERS, _INTEGERS, numba.types.Array(numba.int64, 1, "C")))
