@@ -25,6 +25,7 @@ USUAL_STEP = 1.25  # most and least of the picture's usual step, in sides of the
 MISREAD = -3.0  # nats that a clear blob of another colour than the code's costs
 SIGNIFICANCE = 8.0  # nats by which an island must beat chance
 LEAST_AREA = 1.0  # px^2 of a pitch squared
+STEPS = ((0, 1), (1, 0), (0, -1), (-1, 0))  # (down, right) of a link in each direction
 LEAD = 4.0  # nats by which it must beat its second place
 
 
@@ -62,17 +63,18 @@ def place_islands(
     islands = [island for island in _islands(_sound(blocks, links, left), links.turn) if len(island.member) >= FEWEST]
     if not islands:
         return place
+    beside_u, beside_v, beside_position = u[held], v[held], position[held]
     middles = np.stack([blocks.centre[island.member].mean(axis=0) for island in islands])
-    near = nearest(position[held], middles)[1]
+    near = nearest(beside_position, middles)[1]
     laid: list[tuple[float, _Island, IntArray]] = []
     ways = 1.0
     for island, middle, beside in zip(islands, middles, near, strict=True):
-        surface = np.stack([u[held][beside], v[held][beside]], axis=1)
+        surface = np.stack([beside_u[beside], beside_v[beside]], axis=1)
         quarter = _quarter_turns(_axes(blocks.centre[island.member], island.at), surface)
         if quarter == NONE:
             continue
         offset = rotated(island.at, np.array(quarter))
-        away = cast(FloatArray, np.linalg.solve(surface, middle - position[held][beside]))
+        away = cast(FloatArray, np.linalg.solve(surface, middle - beside_position[beside]))
         continued = np.asarray(cells[beside] + away[::-1], dtype=np.float64)
         misread = np.where(clear[island.member], MISREAD, MISREAD / 3)
         where, nats = np.zeros(2, np.int64), np.full(2, -np.inf)
@@ -151,19 +153,18 @@ def _islands(neighbour: IntArray, turn: IntArray) -> list[_Island]:
     """Linked blobs, with their (row, column) and quarter turns in the frame of the first; none that contradict."""
     islands: list[_Island] = []
     known = np.zeros(len(neighbour), dtype=bool)
-    for root in np.flatnonzero((neighbour >= 0).any(axis=1)):
+    others, turns = neighbour.tolist(), turn.tolist()
+    for root in np.flatnonzero((neighbour >= 0).any(axis=1)).tolist():
         if known[root]:
             continue
-        at, turned = {int(root): (0, 0)}, {int(root): 0}
-        queue = [int(root)]
+        at, turned, queue = {root: (0, 0)}, {root: 0}, [root]
         for blob in queue:
             for k in range(4):
-                other = int(neighbour[blob, k])
-                direction = (k - turned[blob]) % 4
+                other, direction = others[blob][k], (k - turned[blob]) % 4
                 if other == NONE or other in at:
                     continue
-                at[other] = (at[blob][0] + int(SINE[direction]), at[blob][1] + int(COSINE[direction]))
-                turned[other] = int((turned[blob] + turn[blob, k]) % 4)
+                at[other] = at[blob][0] + STEPS[direction][0], at[blob][1] + STEPS[direction][1]
+                turned[other] = (turned[blob] + turns[blob][k]) % 4
                 queue.append(other)
         known[queue] = True
         if len(set(at.values())) == len(at):

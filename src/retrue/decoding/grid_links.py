@@ -7,7 +7,7 @@ import numpy as np
 from retrue.decoding.grid_blocks import Blocks
 from retrue.decoding.grid_nearest import nearest_of_all
 from retrue.geometry.arrays import FloatArray, IntArray
-from retrue.geometry.compiling import MATRIX, OUT_MATRIX, VECTOR, compiled, numba
+from retrue.geometry.compiling import MATRIX, OUT_MATRIX, VECTOR, compiled, inlined, numba
 
 CANDIDATES = 8  # nearest blobs that may be one of the four neighbours, or one of the four diagonal ones
 SIZE_RATIO = 2.2  # between the areas of neighbours
@@ -100,6 +100,11 @@ def lengths_and_bends(blocks: Blocks, links: Links) -> tuple[FloatArray, FloatAr
     return length, bend
 
 
+@inlined
+def _norm(x: float, y: float) -> float:
+    return np.sqrt(x * x + y * y)
+
+
 @compiled(numba.void(MATRIX, MATRIX, _INTEGERS, _INTEGERS, OUT_MATRIX, OUT_MATRIX))
 def _measure(
     centre: FloatArray, whiten: FloatArray, neighbour: IntArray, turn: IntArray, length: FloatArray, bend: FloatArray
@@ -111,17 +116,17 @@ def _measure(
                 continue
             x, y = centre[other, 0] - centre[n, 0], centre[other, 1] - centre[n, 1]
             sx, sy = whiten[n, 0] * x + whiten[n, 1] * y, whiten[n, 2] * x + whiten[n, 3] * y
-            length[n, k] = np.sqrt(sx * sx + sy * sy)
+            length[n, k] = _norm(sx, sy)
             change = np.inf
             before, after = neighbour[n, (k + 2) % 4], neighbour[other, (k + turn[n, k]) % 4]
             if before >= 0:
-                change = np.hypot(x - centre[n, 0] + centre[before, 0], y - centre[n, 1] + centre[before, 1])
+                change = _norm(x - centre[n, 0] + centre[before, 0], y - centre[n, 1] + centre[before, 1])
             if after >= 0:
                 change = min(
-                    change, np.hypot(x - centre[after, 0] + centre[other, 0], y - centre[after, 1] + centre[other, 1])
+                    change, _norm(x - centre[after, 0] + centre[other, 0], y - centre[after, 1] + centre[other, 1])
                 )
             if np.isfinite(change):
-                bend[n, k] = change / np.hypot(x, y)
+                bend[n, k] = change / _norm(x, y)
 
 
 @compiled(numba.void(*[_INTEGERS] * 3))

@@ -110,9 +110,12 @@ def _look_at(picture: Image, p: FloatArray, u: FloatArray, v: FloatArray, duty: 
                     floor = min(floor, patch[i, j, c])
             for i in range(mid - inner, mid + inner + 1):
                 for j in range(mid - inner, mid + inner + 1):
-                    values[k] = patch[i, j, c]
+                    slot = k
+                    while slot > 0 and values[slot - 1] > patch[i, j, c]:  # so few are sorted fastest as they come
+                        values[slot] = values[slot - 1]
+                        slot -= 1
+                    values[slot] = patch[i, j, c]
                     k += 1
-            values.sort()
             color[c] = values[len(values) // 2]
             found[n, c] = color[c] - floor
             step += found[n, c] ** 2

@@ -6,11 +6,8 @@ from collections.abc import Callable
 from threading import Thread
 from typing import Any
 
-import numpy as np
-from numpy.typing import NDArray
-
 from retrue.geometry.arrays import FloatArray, Image
-from retrue.geometry.compiling import MATRIX, OUT_MATRIX, VECTOR, compiled, inlined, numba
+from retrue.geometry.compiling import inlined, numba
 
 PICTURES: tuple[Any, ...] = tuple(
     numba.types.Array(depth, 3, "C", readonly=True) for depth in (numba.uint8, numba.uint16)
@@ -52,31 +49,22 @@ def bilinear(picture: Image, x: float, y: float) -> tuple[float, float, float]:
 def read_profile(
     picture: Image,
     weights: FloatArray,
-    p: FloatArray,
+    x: float,
+    y: float,
     u: FloatArray,
     v: FloatArray,
+    sign: float,
     t: FloatArray,
     s: FloatArray,
     profile: FloatArray,
 ) -> None:
-    """`profile` (T,) <- `weights` (3,) times the colour at p + t u + s v, mean over s; p, u, v (2,)."""
+    """`profile` (T,) <- `weights` (3,) times the colour at (x, y) + sign t u + s v, mean over s; u, v (2,)."""
     for i in range(len(t)):
         total = 0.0
         for beside in s:
-            x, y = p[0] + t[i] * u[0] + beside * v[0], p[1] + t[i] * u[1] + beside * v[1]
-            red, green, blue = bilinear(picture, x, y)
+            along = sign * t[i]
+            red, green, blue = bilinear(
+                picture, x + along * u[0] + beside * v[0], y + along * u[1] + beside * v[1]
+            )
             total += weights[0] * red + weights[1] * green + weights[2] * blue
         profile[i] = total / len(s)
-
-
-@compiled([numba.void(kind, MATRIX, OUT_MATRIX) for kind in PICTURES])
-def _sample(picture: Image, at: FloatArray, out: FloatArray) -> None:
-    for n in range(len(at)):
-        out[n, 0], out[n, 1], out[n, 2] = bilinear(picture, at[n, 0], at[n, 1])
-
-
-def sample(picture: Image, at: FloatArray) -> NDArray[np.float64]:
-    """Colours (..., 3) of `picture` at points (..., 2)."""
-    out = np.empty((at.size // 2, 3))
-    _sample(picture, np.ascontiguousarray(at).reshape(-1, 2), out)
-    return out.reshape(*at.shape[:-1], 3)
