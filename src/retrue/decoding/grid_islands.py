@@ -153,14 +153,16 @@ def _islands(neighbour: IntArray, turn: IntArray) -> list[_Island]:
     """Linked blobs, with their (row, column) and quarter turns in the frame of the first; none that contradict."""
     islands: list[_Island] = []
     known = np.zeros(len(neighbour), dtype=bool)
-    others, turns = neighbour.tolist(), turn.tolist()
-    for root in np.flatnonzero((neighbour >= 0).any(axis=1)).tolist():
+    linked = np.flatnonzero((neighbour >= 0).any(axis=1))
+    others = dict(zip(linked.tolist(), neighbour[linked].tolist(), strict=True))
+    turns = dict(zip(linked.tolist(), turn[linked].tolist(), strict=True))
+    for root in others:
         if known[root]:
             continue
         at, turned, queue = {root: (0, 0)}, {root: 0}, [root]
         for blob in queue:
-            for k in range(4):
-                other, direction = others[blob][k], (k - turned[blob]) % 4
+            for k, other in enumerate(others.get(blob, ())):
+                direction = (k - turned[blob]) % 4
                 if other == NONE or other in at:
                     continue
                 at[other] = at[blob][0] + STEPS[direction][0], at[blob][1] + STEPS[direction][1]
