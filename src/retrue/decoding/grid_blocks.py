@@ -9,7 +9,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from retrue.geometry.arrays import FloatArray
+from retrue.geometry.arrays import FloatArray, IntArray
 from retrue.geometry.compiling import OUT_MATRIX, compiled, numba
 
 Gray = NDArray[np.uint8]
@@ -146,7 +146,15 @@ def _nearer_to_top(added: Gray, reach: Gray) -> Gray:
 
 def _noise(height: Gray) -> float:
     """Standard deviation of the pixel noise, from the median second difference along a sample of rows."""
-    rows = height[::7].astype(np.int16)
-    if rows.shape[1] < 3:
-        return 0.0
-    return float(np.median(np.abs(rows[:, :-2] - 2 * rows[:, 1:-1] + rows[:, 2:]))) / (0.6745 * 6**0.5)
+    counts = np.zeros(2 * 255 + 1, np.int64)
+    _count_changes(height, counts)
+    total = np.cumsum(counts)
+    middle = np.searchsorted(total, [(total[-1] - 1) // 2, total[-1] // 2], side="right")
+    return float(middle.mean()) / (0.6745 * 6**0.5) if total[-1] else 0.0
+
+
+@compiled(numba.void(numba.types.Array(numba.uint8, 2, "C"), numba.types.Array(numba.int64, 1, "C")))
+def _count_changes(height: Gray, counts: IntArray) -> None:
+    for y in range(0, height.shape[0], 7):
+        for x in range(1, height.shape[1] - 1):
+            counts[abs(int(height[y, x - 1]) - 2 * int(height[y, x]) + int(height[y, x + 1]))] += 1

@@ -48,8 +48,10 @@ def look(pattern: ColorGrid, picture: Image, halvings: int) -> GridSight:
         row, column, _ = code.split(island[island >= 0])
         holder = np.full_like(holder, NONE)
         holder[row, column] = np.flatnonzero(island >= 0)
-        surfaces = table.extended(surfaces, *on_surfaces(blocks, links, island, holder))
-        cell, distance = table.nearest_cells(surfaces)
+        holder, joints = on_surfaces(blocks, links, island, holder)
+        if (holder >= 0).any():
+            surfaces = table.extended(surfaces, holder, joints)
+            cell, distance = table.nearest_cells(surfaces)
 
     holder = _nearest_blobs(code, cell, distance)
     verdict[verdict == Verdict.DECODED] = Verdict.OFF_SURFACE

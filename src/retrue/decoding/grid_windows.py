@@ -59,10 +59,9 @@ class Code:
         weight, keys, places = self.tables[without]
         if len(keys) == 0:
             return np.full(len(seen), NONE)
-        wanted = seen @ weight
-        first = np.searchsorted(keys, wanted)
-        found = keys[np.minimum(first, len(keys) - 1)] == wanted
-        return np.where(found & (seen[:, weight > 0] >= 0).all(axis=1), places[np.minimum(first, len(keys) - 1)], NONE)
+        place = np.full(len(seen), NONE)
+        _look_up(np.ascontiguousarray(seen), weight, keys, places, place)
+        return place
 
     def _table(self, without: int | None) -> tuple[IntArray, IntArray, IntArray]:
         """Weights (9,) that make a key of a window, the keys that only one window has, in order, and their places."""
@@ -80,6 +79,20 @@ _INTEGERS = numba.types.Array(numba.int64, 1, "C", readonly=True)
 _WINDOWS = numba.types.Array(numba.int64, 2, "C", readonly=True)
 _FLAGS = numba.types.Array(numba.boolean, 1, "C", readonly=True)
 _OUT_INTEGERS = numba.types.Array(numba.int64, 1, "C")
+
+
+@compiled(numba.void(_WINDOWS, *[_INTEGERS] * 3, _OUT_INTEGERS))
+def _look_up(seen: IntArray, weight: IntArray, keys: IntArray, places: IntArray, place: IntArray) -> None:
+    """`place` (N,) <- that of the key which each row of `seen` (N, 9) makes, where all cells with a weight are known."""
+    for n in range(len(seen)):
+        wanted, known = 0, True
+        for cell in range(9):
+            wanted += weight[cell] * seen[n, cell]
+            known &= weight[cell] == 0 or seen[n, cell] >= 0
+        if known:
+            k = np.searchsorted(keys, wanted)
+            if k < len(keys) and keys[k] == wanted:
+                place[n] = places[k]
 
 
 @inlined
