@@ -107,8 +107,8 @@ def _find_runs(mask: Gray, runs: NDArray[np.int32]) -> int:
 
 @compiled(numba.void(numba.types.Array(numba.int32, 2, "C"), numba.int64, numba.int64, OUT_MATRIX))
 def _measure(runs: NDArray[np.int32], height: int, width: int, blobs: FloatArray) -> None:
-    """`blobs` (N, 6) <- area, centroid x, y and second moments xx, xy, yy, at the first run of each; area 0 of all other
-    rows, and of what touches the border."""
+    """`blobs` (N, 6) <- area, centroid x, y and second moments xx, xy, yy, at the first run of each; area 0 of all
+    others, and of what touches the border."""
     for n in range(len(runs)):
         y, a, b, k = float(runs[n, 0]), float(runs[n, 1]), float(runs[n, 2]), runs[n, 3]
         area = b - a + 1

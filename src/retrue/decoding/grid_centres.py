@@ -21,7 +21,7 @@ REACH = 0.5  # pitches that a profile reaches to either side: to the middle of t
 SAMPLES = 9  # along a profile
 BLUR = 1.0  # px, standard deviation of a typical edge; the fit hardly depends on it
 BLURS = np.geomspace(0.02, 0.4, 25)  # in pitches: one filter each
-BLUR_BORDERS = np.sqrt(BLURS[1:] * BLURS[:-1])  # where the next filter takes over
+BLUR_BORDERS: FloatArray = np.sqrt(BLURS[1:] * BLURS[:-1])  # where the next filter takes over
 SIDE_SAMPLES = 9  # across one side
 SIDE_WINDOW = 0.88  # of half a gap: how far those reach from the side
 CHANNEL_TRUST = np.array([1.0, 2.0, 1.0])  # green is sampled twice as densely, and never subsampled
@@ -31,6 +31,7 @@ FARTHEST = 0.12  # of a pitch that a centre may lie off the middle of its blob
 STRAIGHT = 4.0  # sigmas by which lines through one block may differ on a smooth surface
 DISAGREEMENT = 0.06  # of a pitch between two ways to measure: more, and the block is cut
 RIM_DISAGREEMENT = 0.03  # the same at the rim of a surface, where cut blocks are
+
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Centres:
@@ -86,7 +87,7 @@ def refine_centres(image: Image, coarse: FloatArray, joints: Joints, duty: float
         for _ in range(ROUNDS if len(cells) else 0):
             right, down, bend = slopes(position, joints)
             there = [np.reshape(a, (-1, 2)) for a in (right, down, 0.5 * (duty / 2) ** 2 * bend, coarse, position)]
-            in_two_threads(lambda n: profiles.measure(weights, cells[n], pitch.ravel(), *there), len(cells))
+            profiles.measure(weights, cells, pitch.ravel(), *there)
             position[~known] = np.nan
         return position
 
@@ -115,9 +116,7 @@ _CELLS = numba.types.Array(numba.int64, 1, "C")
 
 
 @compiled([numba.void(kind, *[MATRIX] * 3, _CELLS, OUT_MATRIX) for kind in PICTURES])
-def _weigh(
-    picture: Image, p: FloatArray, u: FloatArray, v: FloatArray, cells: IntArray, weights: FloatArray
-) -> None:
+def _weigh(picture: Image, p: FloatArray, u: FloatArray, v: FloatArray, cells: IntArray, weights: FloatArray) -> None:
     """Weights (N, 3) that make one number of a colour: most where block and gaps differ most."""
     for n in cells:
         darkest = np.full(3, np.inf)
@@ -164,8 +163,8 @@ class _Profiles:
 
     def measure(self, weights: FloatArray, cells: IntArray, pitch: FloatArray, *there: FloatArray) -> None:
         """Move the last of `there`, all (N, 2): right, down, shift from centre to middle, coarse, position."""
-        picture = self.picture
-        _measure(picture.pixels, picture.blur_px, self.t, self.s, self.filters, weights, cells, pitch, *there)
+        how = self.picture.pixels, self.picture.blur_px, self.t, self.s, self.filters, weights
+        in_two_threads(lambda n: _measure(*how, cells[n], pitch, *there), len(cells))
 
 
 @compiled(
@@ -201,7 +200,8 @@ def _measure(
             u, v = (right[n], down[n]) if axis == 0 else (down[n], right[n])
             if len(filters) > 0:
                 read_profile(picture, weights[n], x, y, u, v, 1.0, t, s, profile)
-                kind = np.searchsorted(BLUR_BORDERS, blur_px / max(np.sqrt(u[0] ** 2 + u[1] ** 2), 1e-6))
+                blur: float = blur_px / max(np.sqrt(u[0] ** 2 + u[1] ** 2), 1e-6)
+                kind = int(np.searchsorted(BLUR_BORDERS, blur))
                 height, moved = 0.0, 0.0
                 for i in range(len(t)):
                     height += filters[kind, 0, i] * profile[i]
@@ -234,7 +234,7 @@ def _filters(duty: float) -> FloatArray:
         step = 1e-4
         slope = (block(t - step) - block(t + step)) / (2 * step)
         terms = np.stack([block(t), slope, block(t - 1), block(t + 1), np.ones_like(t)], axis=-1)
-        filters.append(np.linalg.pinv(terms)[:2])
+        filters.append(np.asarray(np.linalg.pinv(terms)[:2], dtype=np.float64))
     return np.stack(filters)
 
 

@@ -12,7 +12,7 @@ from retrue.geometry.compiling import MATRIX, OUT_MATRIX, VECTOR, compiled, inli
 CANDIDATES = 8  # nearest blobs that may be one of the four neighbours, or one of the four diagonal ones
 SIZE_RATIO = 2.2  # between the areas of neighbours
 SHAPE_RATIO = 2.5  # between the spacings that neighbours measure, each in its own shape
-OFF_AXIS = float(np.radians(24))
+SINE_OFF_AXIS = float(np.sin(np.radians(24)))
 NONE = -1
 
 
@@ -57,11 +57,16 @@ def link_blocks(blocks: Blocks) -> Links:
 _INTEGERS = numba.types.Array(numba.int64, 2, "A")
 
 
+@inlined
+def _norm(x: float, y: float) -> float:
+    return np.sqrt(x * x + y * y)
+
+
 @compiled(numba.void(MATRIX, MATRIX, VECTOR, _INTEGERS, _INTEGERS))
 def _choose(centre: FloatArray, whiten: FloatArray, area: FloatArray, near: IntArray, neighbour: IntArray) -> None:
     """`neighbour` (N, 4) <- the nearest blob of `near` (N, M) in each direction of the block's own frame, or -1."""
     candidates = near.shape[1]
-    length, angle = np.empty(candidates), np.empty(candidates)
+    length, ax, ay = np.empty(candidates), np.empty(candidates), np.empty(candidates)
     best = np.empty(4)
     for n in range(len(centre)):
         shortest = np.inf
@@ -70,24 +75,29 @@ def _choose(centre: FloatArray, whiten: FloatArray, area: FloatArray, near: IntA
             x, y = centre[other, 0] - centre[n, 0], centre[other, 1] - centre[n, 1]
             sx, sy = whiten[n, 0] * x + whiten[n, 1] * y, whiten[n, 2] * x + whiten[n, 3] * y
             # The same step as the other end sees it: where the two disagree, they are not blocks of one surface.
-            bx, by = whiten[other, 0] * x + whiten[other, 1] * y, whiten[other, 2] * x + whiten[other, 3] * y
-            here, there = np.sqrt(sx * sx + sy * sy), np.sqrt(bx * bx + by * by)
+            here, there = (
+                _norm(sx, sy),
+                _norm(whiten[other, 0] * x + whiten[other, 1] * y, whiten[other, 2] * x + whiten[other, 3] * y),
+            )
             ratio = area[other] / area[n]
             similar = 1 / SIZE_RATIO < ratio < SIZE_RATIO and there < SHAPE_RATIO * here and here < SHAPE_RATIO * there
-            length[m], angle[m] = here if similar else np.inf, np.arctan2(sy, sx)
+            length[m], ax[m], ay[m] = here if similar else np.inf, sx / here, sy / here
             shortest = min(shortest, length[m])
         cosine, sine = 0.0, 0.0
         for m in range(candidates):
             if length[m] < 1.25 * shortest:
-                cosine += np.cos(4 * angle[m])
-                sine += np.sin(4 * angle[m])
+                c, s = ax[m] * ax[m] - ay[m] * ay[m], 2 * ax[m] * ay[m]  # of twice the angle
+                cosine += c * c - s * s
+                sine += 2 * c * s
         frame = np.arctan2(sine, cosine) / 4  # direction 0, in the whitened frame, in [-45, 45) degrees
+        cosine, sine = np.cos(frame), np.sin(frame)
         best[:] = 1.6 * shortest
         for m in range(candidates):
-            quarters = np.rint((angle[m] - frame) / (np.pi / 2))
-            off = abs(angle[m] - frame - quarters * (np.pi / 2))
-            direction = int(quarters) % 4
-            if off < OFF_AXIS and length[m] < best[direction]:
+            x, y = cosine * ax[m] + sine * ay[m], cosine * ay[m] - sine * ax[m]
+            flat = abs(x) > abs(y)
+            direction = (0 if x > 0 else 2) if flat else (1 if y > 0 else 3)
+            off = abs(y) if flat else abs(x)
+            if off < SINE_OFF_AXIS and length[m] < best[direction]:
                 best[direction], neighbour[n, direction] = length[m], near[n, m]
 
 
@@ -98,11 +108,6 @@ def lengths_and_bends(blocks: Blocks, links: Links) -> tuple[FloatArray, FloatAr
     whiten = np.ascontiguousarray(_inverse_roots(blocks.shape).reshape(-1, 4))
     _measure(blocks.centre, whiten, links.neighbour, links.turn, length, bend)
     return length, bend
-
-
-@inlined
-def _norm(x: float, y: float) -> float:
-    return np.sqrt(x * x + y * y)
 
 
 @compiled(numba.void(MATRIX, MATRIX, _INTEGERS, _INTEGERS, OUT_MATRIX, OUT_MATRIX))
@@ -131,7 +136,7 @@ def _measure(
 
 @compiled(numba.void(*[_INTEGERS] * 3))
 def _keep_mutual(chosen: IntArray, neighbour: IntArray, turn: IntArray) -> None:
-    """`neighbour` (N, 4) <- those of `chosen` that both ends see, and the quarter turns between the frames of the ends."""
+    """`neighbour` (N, 4) <- those of `chosen` that both ends see; `turn` between the frames of the ends."""
     for n in range(len(chosen)):
         for k in range(4):
             other = chosen[n, k]

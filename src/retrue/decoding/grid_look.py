@@ -17,9 +17,10 @@ from retrue.decoding.grid_islands import place_islands
 from retrue.decoding.grid_links import NONE, link_blocks
 from retrue.decoding.grid_nearest import nearest
 from retrue.decoding.grid_noise import noise_of
+from retrue.decoding.grid_places import place_blocks
 from retrue.decoding.grid_sight import GridSight, Verdict
 from retrue.decoding.grid_surface import Joints, slopes
-from retrue.decoding.grid_windows import Code, code_of, place_blocks
+from retrue.decoding.grid_windows import Code, code_of
 from retrue.geometry.arrays import FloatArray, Image, IntArray
 from retrue.patterns.color_grid import ColorGrid
 

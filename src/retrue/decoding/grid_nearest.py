@@ -23,11 +23,11 @@ def nearest_of_all(places: FloatArray, points: FloatArray, count: int) -> tuple[
 
 @compiled(numba.void(MATRIX, MATRIX, OUT_MATRIX, numba.types.Array(numba.int64, 2, "C")))
 def _nearest(places: FloatArray, points: FloatArray, square: FloatArray, index: IntArray) -> None:
-    """`square` (M, K), inf at first, and `index` <- by square buckets of about one place each, from inside outwards."""
+    """`square` (M, K), inf at first, and `index` <- by square buckets, two for each place, from inside outwards."""
     count, wanted = len(places), square.shape[1]
     left, top = places[:, 0].min(), places[:, 1].min()
     width, height = places[:, 0].max() - left, places[:, 1].max() - top
-    side = max(np.sqrt(width * height / count), max(width, height) / count, 1e-9)
+    side = max(np.sqrt(width * height / count / 2), max(width, height) / count, 1e-9)
     columns, rows = int(width / side) + 1, int(height / side) + 1
     bucket, start = np.empty(count, np.int64), np.zeros(columns * rows + 1, np.int64)
     for n in range(count):

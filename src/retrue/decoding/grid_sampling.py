@@ -63,8 +63,6 @@ def read_profile(
         total = 0.0
         for beside in s:
             along = sign * t[i]
-            red, green, blue = bilinear(
-                picture, x + along * u[0] + beside * v[0], y + along * u[1] + beside * v[1]
-            )
+            red, green, blue = bilinear(picture, x + along * u[0] + beside * v[0], y + along * u[1] + beside * v[1])
             total += weights[0] * red + weights[1] * green + weights[2] * blue
         profile[i] = total / len(s)
