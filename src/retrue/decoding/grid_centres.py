@@ -118,8 +118,9 @@ _CELLS = numba.types.Array(numba.int64, 1, "C")
 @compiled([numba.void(kind, *[MATRIX] * 3, _CELLS, OUT_MATRIX) for kind in PICTURES])
 def _weigh(picture: Image, p: FloatArray, u: FloatArray, v: FloatArray, cells: IntArray, weights: FloatArray) -> None:
     """Weights (N, 3) that make one number of a colour: most where block and gaps differ most."""
+    darkest = np.empty(3)
     for n in cells:
-        darkest = np.full(3, np.inf)
+        darkest[:] = np.inf
         for a, b in ((0.5, 0.0), (-0.5, 0.0), (0.0, 0.5), (0.0, -0.5)):
             red, green, blue = bilinear(
                 picture, p[n, 0] + a * u[n, 0] + b * v[n, 0], p[n, 1] + a * u[n, 1] + b * v[n, 1]
@@ -130,7 +131,9 @@ def _weigh(picture: Image, p: FloatArray, u: FloatArray, v: FloatArray, cells: I
         weights[n, 0] = max(red - darkest[0], 0.0) * CHANNEL_TRUST[0]
         weights[n, 1] = max(green - darkest[1], 0.0) * CHANNEL_TRUST[1]
         weights[n, 2] = max(blue - darkest[2], 0.0) * CHANNEL_TRUST[2]
-        weights[n] /= max(weights[n].sum(), 1e-6)
+        total = max(weights[n, 0] + weights[n, 1] + weights[n, 2], 1e-6)
+        for k in range(3):
+            weights[n, k] /= total
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -201,7 +204,9 @@ def _measure(
             if len(filters) > 0:
                 read_profile(picture, weights[n], x, y, u, v, 1.0, t, s, profile)
                 blur: float = blur_px / max(np.sqrt(u[0] ** 2 + u[1] ** 2), 1e-6)
-                kind = int(np.searchsorted(BLUR_BORDERS, blur))
+                kind = 0
+                while kind < len(BLUR_BORDERS) and BLUR_BORDERS[kind] < blur:
+                    kind += 1
                 height, moved = 0.0, 0.0
                 for i in range(len(t)):
                     height += filters[kind, 0, i] * profile[i]
@@ -211,7 +216,10 @@ def _measure(
                 off[axis] = 0.0
                 for sign in (1.0, -1.0):
                     read_profile(picture, weights[n], x, y, u, v, sign, t, s, profile)
-                    height = (profile.mean() - profile[-1]) / max(profile[0] - profile[-1], 1e-6)
+                    total, last = 0.0, profile[len(t) - 1]
+                    for i in range(len(t)):
+                        total += profile[i]
+                    height = (total / len(t) - last) / max(profile[0] - last, 1e-6)
                     off[axis] += sign * (min(max(height, 0.0), 1.0) - 0.5) * (t[-1] - t[0]) / 2
         for k in range(2):
             position[n, k] += off[0] * right[n, k] + off[1] * down[n, k]

@@ -127,10 +127,14 @@ def _lay(
     these likelihoods is how many ways there are.
     """
     count, ways, match = len(offset), 0.0, np.log(base - 1)
-    top, left, middle = offset[:, 0].min(), offset[:, 1].min(), np.array([offset[:, 0].mean(), offset[:, 1].mean()])
-    for r in range(-top, free.shape[0] - offset[:, 0].max()):
-        for c in range(-left, free.shape[1] - offset[:, 1].max()):
-            distance = np.hypot(r + middle[0] - continued[0], c + middle[1] - continued[1])
+    top, bottom, left, right, down, along = offset[0, 0], offset[0, 0], offset[0, 1], offset[0, 1], 0.0, 0.0
+    for k in range(count):
+        top, bottom = min(top, offset[k, 0]), max(bottom, offset[k, 0])
+        left, right = min(left, offset[k, 1]), max(right, offset[k, 1])
+        down, along = down + offset[k, 0] / count, along + offset[k, 1] / count
+    for r in range(-top, free.shape[0] - bottom):
+        for c in range(-left, free.shape[1] - right):
+            distance = np.sqrt((r + down - continued[0]) ** 2 + (c + along - continued[1]) ** 2)
             if not distance < FARTHEST:
                 continue
             open_cells, score = 0, -FAR * distance

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from retrue.geometry.arrays import FloatArray, IntArray
-from retrue.geometry.compiling import MATRIX, OUT_MATRIX, compiled, numba
+from retrue.geometry.compiling import MATRIX, OUT_MATRIX, VECTOR, compiled, numba
 
 
 def nearest(places: FloatArray, points: FloatArray) -> tuple[FloatArray, IntArray]:
@@ -17,27 +17,34 @@ def nearest(places: FloatArray, points: FloatArray) -> tuple[FloatArray, IntArra
 def nearest_of_all(places: FloatArray, points: FloatArray, count: int) -> tuple[FloatArray, IntArray]:
     """The same of the `count` nearest ones, (M, count), the nearest first; `places` has as many or more."""
     square, index = np.full((len(points), count), np.inf), np.zeros((len(points), count), dtype=np.int64)
-    _nearest(np.ascontiguousarray(places), np.ascontiguousarray(points), square, index)
+    if len(points):
+        corner = places.min(axis=0)
+        _nearest(
+            np.ascontiguousarray(places), np.ascontiguousarray(points), corner, np.ptp(places, axis=0), square, index
+        )
     return np.sqrt(square), index
 
 
-@compiled(numba.void(MATRIX, MATRIX, OUT_MATRIX, numba.types.Array(numba.int64, 2, "C")))
-def _nearest(places: FloatArray, points: FloatArray, square: FloatArray, index: IntArray) -> None:
+@compiled(numba.void(MATRIX, MATRIX, VECTOR, VECTOR, OUT_MATRIX, numba.types.Array(numba.int64, 2, "C")))
+def _nearest(
+    places: FloatArray, points: FloatArray, corner: FloatArray, size: FloatArray, square: FloatArray, index: IntArray
+) -> None:
     """`square` (M, K), inf at first, and `index` <- by square buckets, two for each place, from inside outwards."""
     count, wanted = len(places), square.shape[1]
-    left, top = places[:, 0].min(), places[:, 1].min()
-    width, height = places[:, 0].max() - left, places[:, 1].max() - top
+    left, top = corner
+    width, height = size
     side = max(np.sqrt(width * height / count / 2), max(width, height) / count, 1e-9)
     columns, rows = int(width / side) + 1, int(height / side) + 1
-    bucket, start = np.empty(count, np.int64), np.zeros(columns * rows + 1, np.int64)
+    bucket, start = np.empty(count, np.int64), np.zeros(columns * rows + 2, np.int64)
     for n in range(count):
         bucket[n] = int((places[n, 1] - top) / side) * columns + int((places[n, 0] - left) / side)
+        start[bucket[n] + 2] += 1
+    for k in range(len(start) - 1):
+        start[k + 1] += start[k]
+    member = np.empty(count, np.int64)
+    for n in range(count):  # moves each start to where the next one was
+        member[start[bucket[n] + 1]] = n
         start[bucket[n] + 1] += 1
-    start[:] = np.cumsum(start)
-    member, free = np.empty(count, np.int64), start.copy()
-    for n in range(count):
-        member[free[bucket[n]]] = n
-        free[bucket[n]] += 1
     for m in range(len(points)):
         # No place is nearer to a point outside the buckets than to where that enters them.
         x, y = min(max(points[m, 0] - left, 0.0), width), min(max(points[m, 1] - top, 0.0), height)

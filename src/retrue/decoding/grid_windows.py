@@ -83,9 +83,15 @@ def _look_up(seen: IntArray, weight: IntArray, keys: IntArray, places: IntArray,
             wanted += weight[cell] * seen[n, cell]
             known &= weight[cell] == 0 or seen[n, cell] >= 0
         if known:
-            k = np.searchsorted(keys, wanted)
-            if k < len(keys) and keys[k] == wanted:
-                place[n] = places[k]
+            first, end = 0, len(keys)
+            while first < end:
+                middle = (first + end) // 2
+                if keys[middle] < wanted:
+                    first = middle + 1
+                else:
+                    end = middle
+            if first < len(keys) and keys[first] == wanted:
+                place[n] = places[first]
 
 
 @inlined
