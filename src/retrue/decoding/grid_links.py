@@ -7,7 +7,7 @@ import numpy as np
 from retrue.decoding.grid_blocks import Blocks
 from retrue.decoding.grid_nearest import nearest_of_all
 from retrue.geometry.arrays import FloatArray, IntArray
-from retrue.geometry.compiling import MATRIX, OUT_MATRIX, VECTOR, compiled, inlined, numba
+from retrue.geometry.compiling import MATRIX, OUT_MATRIX, VECTOR, called, compiled, numba
 
 CANDIDATES = 8  # nearest blobs that may be one of the four neighbours, or one of the four diagonal ones
 SIZE_RATIO = 2.2  # between the areas of neighbours
@@ -57,7 +57,7 @@ def link_blocks(blocks: Blocks) -> Links:
 _INTEGERS = numba.types.Array(numba.int64, 2, "A")
 
 
-@inlined
+@called
 def _norm(x: float, y: float) -> float:
     return np.sqrt(x * x + y * y)
 

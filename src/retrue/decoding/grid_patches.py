@@ -8,7 +8,7 @@ import numpy as np
 
 from retrue.decoding.grid_sampling import PICTURES, bilinear, in_two_threads
 from retrue.geometry.arrays import FloatArray, Image
-from retrue.geometry.compiling import MATRIX, OUT_MATRIX, compiled, inlined, numba
+from retrue.geometry.compiling import MATRIX, OUT_MATRIX, called, compiled, numba
 
 SAMPLES = 15  # along a side of a patch
 REACH = 0.56  # pitches from the middle of a patch to its sides
@@ -57,7 +57,7 @@ def look_at(picture: Image, p: FloatArray, u: FloatArray, v: FloatArray, duty: f
     return Patches(found[:, :3], found[:, 3:5], found[:, 5:7], found[:, 7], found[:, 8])
 
 
-@inlined
+@called
 def _apart(color: FloatArray, red: float, green: float, blue: float) -> float:
     return np.sqrt((color[0] - red) ** 2 + (color[1] - green) ** 2 + (color[2] - blue) ** 2)
 

@@ -7,7 +7,7 @@ from threading import Thread
 from typing import Any
 
 from retrue.geometry.arrays import FloatArray, Image
-from retrue.geometry.compiling import inlined, numba
+from retrue.geometry.compiling import called, numba
 
 PICTURES: tuple[Any, ...] = tuple(
     numba.types.Array(depth, 3, "C", readonly=True) for depth in (numba.uint8, numba.uint16)
@@ -27,7 +27,7 @@ def in_two_threads(work: Callable[[slice], None], count: int) -> None:
     other.join()
 
 
-@inlined
+@called
 def bilinear(picture: Image, x: float, y: float) -> tuple[float, float, float]:
     """The colour of `picture` (h, w, 3) at (x, y); outside as at its border. It has two rows and columns, or more."""
     height, width, _ = picture.shape
@@ -45,7 +45,7 @@ def bilinear(picture: Image, x: float, y: float) -> tuple[float, float, float]:
     )
 
 
-@inlined
+@called
 def read_profile(
     picture: Image,
     weights: FloatArray,

@@ -9,7 +9,7 @@ import numpy as np
 from retrue.decoding.grid_links import NONE
 from retrue.errors import InputError
 from retrue.geometry.arrays import IntArray
-from retrue.geometry.compiling import compiled, inlined, numba
+from retrue.geometry.compiling import called, compiled, numba
 from retrue.patterns.color_grid import ColorGrid
 
 OFFSETS = np.array([(r, c) for r in (-1, 0, 1) for c in (-1, 0, 1)])  # the cells of a window, row by row
@@ -94,7 +94,7 @@ def _look_up(seen: IntArray, weight: IntArray, keys: IntArray, places: IntArray,
                 place[n] = places[first]
 
 
-@inlined
+@called
 def moved(place: int, cell: int, turn: int, rows: int, columns: int) -> int:
     """Place of the block in that `cell` of the window of the block at `place`, or -1 outside."""
     if place < 0:
