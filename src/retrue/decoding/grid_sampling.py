@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from threading import Thread
+from concurrent.futures import ThreadPoolExecutor
 from typing import Any
 
 from retrue.geometry.arrays import FloatArray, Image
@@ -13,18 +13,26 @@ PICTURES: tuple[Any, ...] = tuple(
     numba.types.Array(depth, 3, "C", readonly=True) for depth in (numba.uint8, numba.uint16)
 )
 
-WORTH_A_THREAD = 100  # blocks: starting a thread takes as long as measuring some ten
+WORTH_A_THREAD = 100  # blocks: waking a thread takes as long as measuring some ten
+PART = 64  # blocks that a thread takes at a time
+_OTHER = ThreadPoolExecutor(1)
 
 
 def in_two_threads(work: Callable[[slice], None], count: int) -> None:
-    """`work`, which lets go of the interpreter, on each half of 0 .. count at a time."""
+    """`work`, which lets go of the interpreter, on all parts of 0 .. count; with a second thread, if a core is free."""
     if count < WORTH_A_THREAD:
         work(slice(0, count))
         return
-    other = Thread(target=work, args=(slice(count // 2, count),))
-    other.start()
-    work(slice(0, count // 2))
-    other.join()
+    parts = iter([slice(k, min(k + PART, count)) for k in range(0, count, PART)])
+
+    def share() -> None:
+        for part in parts:
+            work(part)
+
+    other = _OTHER.submit(share)
+    share()
+    if not other.cancel():
+        other.result()
 
 
 @called
