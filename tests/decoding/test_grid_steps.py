@@ -3,6 +3,8 @@
 import numpy as np
 import pytest
 
+from retrue.decoding.grid_blocks import find_blocks
+from retrue.decoding.grid_nearest import nearest_of_all
 from retrue.decoding.grid_noise import noise_of
 from retrue.decoding.grid_patches import look_at
 from retrue.decoding.grid_surface import Joints
@@ -90,3 +92,25 @@ def test_a_missing_block_has_no_sigma_and_spoils_none():
     sigma = noise_of(position, joined(30, 40))
     assert np.isnan(sigma).sum() == 1
     assert np.isnan(sigma[5, 5])
+
+
+@pytest.mark.parametrize("spread", [(1.0, 1.0), (300.0, 0.01), (1.0, 0.0)])
+def test_the_nearest_places_are_those_of_all_distances(spread: tuple[float, float]) -> None:
+    rng = np.random.default_rng(5)
+    places, points = rng.normal(size=(150, 2)) * spread, rng.normal(size=(80, 2)) * 3
+    distance, index = nearest_of_all(places, points, 4)
+    everything = np.linalg.norm(points[:, None] - places, axis=-1)
+    np.testing.assert_allclose(distance, np.sort(everything, axis=1)[:, :4], rtol=1e-12)
+    np.testing.assert_allclose(np.take_along_axis(everything, index, axis=1), distance, rtol=1e-12)
+
+
+def test_a_blob_of_many_runs_has_the_moments_of_its_pixels() -> None:
+    picture = np.zeros((60, 80, 3), np.uint8)
+    y, x = np.mgrid[:60, :80]
+    blob = np.hypot((x - 40.3) / 5.2 + (y - 29.6) / 9, (y - 29.6) / 4.4) < 1
+    picture[blob] = 200
+    found = find_blocks(picture)
+    assert len(found) == 1
+    at = np.stack([x[blob], y[blob]], axis=-1)
+    np.testing.assert_allclose(found.centre[0], at.mean(axis=0), rtol=1e-12)
+    np.testing.assert_allclose(found.shape[0], np.cov(at.T, bias=True), rtol=1e-9)

@@ -8,10 +8,11 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from retrue.geometry.arrays import FloatArray, IntArray
-from retrue.geometry.compiling import MATRIX, OUT_VECTOR, compiled, numba
+from retrue.geometry.compiling import MATRIX, OUT_MATRIX, OUT_VECTOR, STACK, compiled, numba
 
 DISPLAY_GAMMA = 2.2
 PURE_SHARE = 0.06  # of the blocks, the purest red ones (green, blue) that show what red light looks like
+SURE_MARGIN = 0.2  # of a colour that its cluster follows
 ROUNDS = 4
 
 
@@ -39,8 +40,21 @@ class Colors:
 
 def local_level(amounts: FloatArray) -> FloatArray:
     """Level of white (N, 3) from the amounts (N, M, 3) in M blocks around each: the brightest of each channel."""
-    level = amounts.max(axis=1)
-    return np.maximum(level, 0.15 * level.max(axis=1, keepdims=True))
+    level = np.empty((len(amounts), 3))
+    _brightest(np.ascontiguousarray(amounts), level)
+    return level
+
+
+@compiled(numba.void(STACK, OUT_MATRIX))
+def _brightest(amounts: FloatArray, level: FloatArray) -> None:
+    for n in range(len(amounts)):
+        level[n] = amounts[n, 0]
+        for m in range(1, amounts.shape[1]):
+            for c in range(3):
+                level[n, c] = max(level[n, c], amounts[n, m, c])
+        least = 0.15 * max(level[n, 0], level[n, 1], level[n, 2])
+        for c in range(3):
+            level[n, c] = max(level[n, c], least)
 
 
 def separate_colors(added: FloatArray, around: IntArray, palette: ArrayLike) -> tuple[Colors, IntArray, FloatArray]:
@@ -60,12 +74,10 @@ def separate_colors(added: FloatArray, around: IntArray, palette: ArrayLike) -> 
     )
     for _ in range(ROUNDS):
         label, margin = _nearest(seen, centres)
-        sure = margin > 0.2
-        counts = np.bincount(label[sure], minlength=len(centres))
-        moved = (
-            np.stack([np.bincount(label[sure], seen[sure, c], minlength=len(centres)) for c in range(3)], axis=-1)
-            / np.maximum(counts, 1)[:, None]
-        )
+        member = np.where(margin > SURE_MARGIN, label, len(centres))
+        sums = [np.bincount(member, seen[:, c], len(centres) + 1)[:-1] for c in range(3)]
+        counts = np.bincount(member, minlength=len(centres) + 1)[:-1]
+        moved = np.stack(sums, axis=-1) / np.maximum(counts, 1)[:, None]
         centres = np.where((counts >= 8)[:, None], moved, centres)
     return Colors(unmixing, centres), *_nearest(seen, centres)
 
@@ -106,9 +118,10 @@ def _find_nearest(seen: FloatArray, centres: FloatArray, label: IntArray, margin
         first, second = np.inf, np.inf
         for k in range(len(centres)):
             r, g, b = seen[n, 0] - centres[k, 0], seen[n, 1] - centres[k, 1], seen[n, 2] - centres[k, 2]
-            distance = np.sqrt(r * r + g * g + b * b)
+            distance = r * r + g * g + b * b
             if distance < first:
                 first, second, label[n] = distance, first, k
             elif distance < second:
                 second = distance
+        first, second = np.sqrt(first), np.sqrt(second)
         margin[n] = (second - first) / max(second + first, 1e-9)

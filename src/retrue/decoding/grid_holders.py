@@ -8,17 +8,17 @@ import numpy as np
 from numpy.typing import NDArray
 
 from retrue.decoding.grid_blocks import Blocks
-from retrue.decoding.grid_links import NONE, Links
-from retrue.decoding.grid_sight import Verdict
-from retrue.decoding.grid_surface import Joints, in_squares, sound_joints, whole_blocks
-from retrue.decoding.grid_windows import (
+from retrue.decoding.grid_evidence import (
     SIGNIFICANCE,
-    Code,
     joined_places,
     neighbours_colors,
     patch_evidence,
     surface_evidence,
 )
+from retrue.decoding.grid_links import NONE, Links
+from retrue.decoding.grid_sight import Verdict
+from retrue.decoding.grid_surface import Joints, in_squares, sound_joints, whole_blocks
+from retrue.decoding.grid_windows import Code
 from retrue.geometry.arrays import BoolArray, IntArray
 
 SURROUNDED = 5  # agreeing neighbours of eight, from which on a block's own colour need not be beyond doubt
@@ -63,8 +63,10 @@ def hold_places(
         held = holder >= 0
         nats = patch_evidence(code, joints, held, held_by(holder, right, False))
         holder = np.where(nats > SIGNIFICANCE, holder, NONE)
-    verdict[np.setdiff1d(np.flatnonzero(verdict == Verdict.DECODED), holder)] = Verdict.OFF_SURFACE
-    return verdict, holder, joints.between(holder >= 0)
+    held = holder >= 0
+    verdict[verdict == Verdict.DECODED] = Verdict.OFF_SURFACE
+    verdict[holder[held]] = Verdict.DECODED
+    return verdict, holder, joints.between(held)
 
 
 def on_surfaces(blocks: Blocks, links: Links, place: IntArray, holder: IntArray) -> tuple[IntArray, Joints]:

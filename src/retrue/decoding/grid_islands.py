@@ -8,11 +8,12 @@ from typing import cast
 import numpy as np
 
 from retrue.decoding.grid_blocks import Blocks
-from retrue.decoding.grid_links import NONE, Links, bends, whitened_lengths
+from retrue.decoding.grid_links import NONE, Links, lengths_and_bends
 from retrue.decoding.grid_nearest import nearest
 from retrue.decoding.grid_surface import Joints, slopes
 from retrue.decoding.grid_windows import COSINE, SINE, Code, rotated
 from retrue.geometry.arrays import BoolArray, FloatArray, IntArray
+from retrue.geometry.compiling import OUT_VECTOR, VECTOR, compiled, numba
 
 FEWEST = 6  # blobs of an island
 FAR = 0.15  # nats, for each cell that an island lies from where the nearest surface would continue
@@ -24,6 +25,7 @@ USUAL_STEP = 1.25  # most and least of the picture's usual step, in sides of the
 MISREAD = -3.0  # nats that a clear blob of another colour than the code's costs
 SIGNIFICANCE = 8.0  # nats by which an island must beat chance
 LEAST_AREA = 1.0  # px^2 of a pitch squared
+STEPS = ((0, 1), (1, 0), (0, -1), (-1, 0))  # (down, right) of a link in each direction
 LEAD = 4.0  # nats by which it must beat its second place
 
 
@@ -61,29 +63,27 @@ def place_islands(
     islands = [island for island in _islands(_sound(blocks, links, left), links.turn) if len(island.member) >= FEWEST]
     if not islands:
         return place
+    beside_u, beside_v, beside_position = u[held], v[held], position[held]
     middles = np.stack([blocks.centre[island.member].mean(axis=0) for island in islands])
-    near = nearest(position[held], middles)[1]
+    near = nearest(beside_position, middles)[1]
     laid: list[tuple[float, _Island, IntArray]] = []
     ways = 1.0
     for island, middle, beside in zip(islands, middles, near, strict=True):
-        surface = np.stack([u[held][beside], v[held][beside]], axis=1)
+        surface = np.stack([beside_u[beside], beside_v[beside]], axis=1)
         quarter = _quarter_turns(_axes(blocks.centre[island.member], island.at), surface)
         if quarter == NONE:
             continue
         offset = rotated(island.at, np.array(quarter))
-        away = cast(FloatArray, np.linalg.solve(surface, middle - position[held][beside]))
-        cell, far = _ways_to_lie(free, offset, np.asarray(cells[beside] + away[::-1], dtype=np.float64))
-        if not len(cell):
-            continue
-        ways += float(np.exp(-far).sum())
-        right = free[cell[..., 0], cell[..., 1]] & (code.cells[cell[..., 0], cell[..., 1]] == label[island.member])
+        away = cast(FloatArray, np.linalg.solve(surface, middle - beside_position[beside]))
+        continued = np.asarray(cells[beside] + away[::-1], dtype=np.float64)
         misread = np.where(clear[island.member], MISREAD, MISREAD / 3)
-        nats = np.where(right, np.log(code.base - 1), misread).sum(axis=1) - far
-        best = int(np.argmax(nats))
-        if nats[best] > LEAD + np.delete(nats, best).max(initial=-np.inf):
-            row, column = cell[best].T
-            where = (row * code.columns + column) * 4 + (quarter - island.turn) % 4
-            laid.append((float(nats[best]), island, np.where(right[best], where, NONE)))
+        where, nats = np.zeros(2, np.int64), np.full(2, -np.inf)
+        ways += _lay(free, code.cells, code.base, offset, label[island.member], misread, continued, where, nats)
+        if nats[0] > LEAD + nats[1]:
+            row, column = (where + offset).T
+            right = free[row, column] & (code.cells[row, column] == label[island.member])
+            held_at = (row * code.columns + column) * 4 + (quarter - island.turn) % 4
+            laid.append((float(nats[0]), island, np.where(right, held_at, NONE)))
     for nats, island, where in sorted(laid, key=lambda way: way[0]):
         if nats > SIGNIFICANCE + np.log(ways):
             place[island.member] = where
@@ -92,42 +92,85 @@ def place_islands(
 
 def _sound(blocks: Blocks, links: Links, left: BoolArray) -> IntArray:
     """Neighbours (N, 4) among blobs that are `left`, at the usual distance and straight on; or -1."""
-    lengths = whitened_lengths(blocks, links)
-    usual = np.nanmedian(lengths) if np.isfinite(lengths).any() else np.nan
-    sound = (lengths < USUAL_STEP * usual) & (lengths > usual / USUAL_STEP) & ~(bends(blocks, links) > STRAIGHT)
+    length, bend = lengths_and_bends(blocks, links)
+    known = length[np.isfinite(length)]
+    usual = np.median(known) if len(known) else np.nan
+    sound = (length < USUAL_STEP * usual) & (length > usual / USUAL_STEP) & ~(bend > STRAIGHT)
     return np.where(sound & left[:, None] & left[links.neighbour], links.neighbour, NONE)
 
 
-def _ways_to_lie(free: BoolArray, offset: IntArray, continued: FloatArray) -> tuple[IntArray, FloatArray]:
-    """Cells (W, K, 2) of an island of `offset` (K, 2) wherever most of them are free, and the nats (W,) that each costs
-    for being far from where the surface beside it is `continued` to the island's middle."""
-    first = offset.min(axis=0)
-    room = np.maximum(np.array(free.shape) - (offset.max(axis=0) - first), 0)
-    shift = np.argwhere(np.ones(room, dtype=bool)) - first
-    distance = np.sqrt(((shift + offset.mean(axis=0) - continued) ** 2).sum(axis=1))
-    near = distance < FARTHEST
-    cell, distance = shift[near][:, None] + offset, distance[near]
-    mostly = free[cell[..., 0], cell[..., 1]].mean(axis=1) > LEAST_FREE
-    return cell[mostly], FAR * distance[mostly]
+_INTEGERS = numba.types.Array(numba.int64, 1, "C")
+_CELLS = numba.types.Array(numba.int64, 2, "A", readonly=True)
+
+
+@compiled(
+    numba.float64(
+        numba.types.Array(numba.boolean, 2, "C"), _CELLS, numba.int64, _CELLS, _INTEGERS, VECTOR, VECTOR, _INTEGERS,
+        OUT_VECTOR,
+    )
+)  # fmt: skip
+def _lay(
+    free: BoolArray,
+    code: IntArray,
+    base: int,
+    offset: IntArray,
+    label: IntArray,
+    misread: FloatArray,
+    continued: FloatArray,
+    where: IntArray,
+    nats: FloatArray,
+) -> float:
+    """Lay blobs of `offset` (K, 2) and `label` (K,) wherever most of the cells are free.
+
+    `nats` (2,) <- of the best way and of the second; `where` (2,) <- (row, column) to add to the offsets of the best.
+    A way is unlikely when it is far from where the surface beside is `continued` to the middle of the blobs; the sum of
+    these likelihoods is how many ways there are.
+    """
+    count, ways, match = len(offset), 0.0, np.log(base - 1)
+    top, bottom, left, right, down, along = offset[0, 0], offset[0, 0], offset[0, 1], offset[0, 1], 0.0, 0.0
+    for k in range(count):
+        top, bottom = min(top, offset[k, 0]), max(bottom, offset[k, 0])
+        left, right = min(left, offset[k, 1]), max(right, offset[k, 1])
+        down, along = down + offset[k, 0] / count, along + offset[k, 1] / count
+    for r in range(-top, free.shape[0] - bottom):
+        for c in range(-left, free.shape[1] - right):
+            distance = np.sqrt((r + down - continued[0]) ** 2 + (c + along - continued[1]) ** 2)
+            if not distance < FARTHEST:
+                continue
+            open_cells, score = 0, -FAR * distance
+            for k in range(count):
+                open_cells += free[r + offset[k, 0], c + offset[k, 1]]
+            if not open_cells / count > LEAST_FREE:
+                continue
+            for k in range(count):
+                i, j = r + offset[k, 0], c + offset[k, 1]
+                score += match if free[i, j] and code[i, j] == label[k] else misread[k]
+            ways += np.exp(-FAR * distance)
+            if score > nats[0]:
+                nats[1], nats[0], where[0], where[1] = nats[0], score, r, c
+            elif score > nats[1]:
+                nats[1] = score
+    return ways
 
 
 def _islands(neighbour: IntArray, turn: IntArray) -> list[_Island]:
     """Linked blobs, with their (row, column) and quarter turns in the frame of the first; none that contradict."""
     islands: list[_Island] = []
     known = np.zeros(len(neighbour), dtype=bool)
-    for root in np.flatnonzero((neighbour >= 0).any(axis=1)):
+    linked = np.flatnonzero((neighbour >= 0).any(axis=1))
+    others = dict(zip(linked.tolist(), neighbour[linked].tolist(), strict=True))
+    turns = dict(zip(linked.tolist(), turn[linked].tolist(), strict=True))
+    for root in others:
         if known[root]:
             continue
-        at, turned = {int(root): (0, 0)}, {int(root): 0}
-        queue = [int(root)]
+        at, turned, queue = {root: (0, 0)}, {root: 0}, [root]
         for blob in queue:
-            for k in range(4):
-                other = int(neighbour[blob, k])
+            for k, other in enumerate(others.get(blob, ())):
                 direction = (k - turned[blob]) % 4
                 if other == NONE or other in at:
                     continue
-                at[other] = (at[blob][0] + int(SINE[direction]), at[blob][1] + int(COSINE[direction]))
-                turned[other] = int((turned[blob] + turn[blob, k]) % 4)
+                at[other] = at[blob][0] + STEPS[direction][0], at[blob][1] + STEPS[direction][1]
+                turned[other] = (turned[blob] + turns[blob][k]) % 4
                 queue.append(other)
         known[queue] = True
         if len(set(at.values())) == len(at):

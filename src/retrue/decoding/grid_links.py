@@ -7,12 +7,12 @@ import numpy as np
 from retrue.decoding.grid_blocks import Blocks
 from retrue.decoding.grid_nearest import nearest_of_all
 from retrue.geometry.arrays import FloatArray, IntArray
-from retrue.geometry.compiling import MATRIX, VECTOR, compiled, numba
+from retrue.geometry.compiling import MATRIX, OUT_MATRIX, VECTOR, called, compiled, numba
 
 CANDIDATES = 8  # nearest blobs that may be one of the four neighbours, or one of the four diagonal ones
 SIZE_RATIO = 2.2  # between the areas of neighbours
 SHAPE_RATIO = 2.5  # between the spacings that neighbours measure, each in its own shape
-OFF_AXIS = float(np.radians(24))
+SINE_OFF_AXIS = float(np.sin(np.radians(24)))
 NONE = -1
 
 
@@ -31,7 +31,8 @@ class Links:
 
     def __init__(self, neighbour: IntArray, turn: IntArray) -> None:
         self.neighbour, self.turn = neighbour, turn
-        self.around, self.around_turn = _windows(neighbour, turn)
+        self.around, self.around_turn = np.full((len(neighbour), 9), NONE), np.zeros((len(neighbour), 9), np.int64)
+        _fill_windows(neighbour, turn, self.around, self.around_turn)
 
 
 def link_blocks(blocks: Blocks) -> Links:
@@ -46,20 +47,26 @@ def link_blocks(blocks: Blocks) -> Links:
     if count < 9:
         return Links(np.full((count, 4), NONE), np.zeros((count, 4), np.int64))
     near = nearest_of_all(blocks.centre, blocks.centre, min(CANDIDATES + 1, count))[1][:, 1:]
-    neighbour = np.full((count, 4), NONE)
-    area = np.sqrt(np.maximum(np.linalg.det(blocks.shape), 1e-9))
-    _choose(blocks.centre, np.ascontiguousarray(_inverse_roots(blocks.shape).reshape(-1, 4)), area, near, neighbour)
-    return Links(*_mutual(neighbour))
+    chosen, neighbour, turn = np.full((count, 4), NONE), np.full((count, 4), NONE), np.zeros((count, 4), np.int64)
+    whiten = np.ascontiguousarray(_inverse_roots(blocks.shape).reshape(-1, 4))
+    _choose(blocks.centre, whiten, blocks.area(), near, chosen)
+    _keep_mutual(chosen, neighbour, turn)
+    return Links(neighbour, turn)
 
 
 _INTEGERS = numba.types.Array(numba.int64, 2, "A")
+
+
+@called
+def _norm(x: float, y: float) -> float:
+    return np.sqrt(x * x + y * y)
 
 
 @compiled(numba.void(MATRIX, MATRIX, VECTOR, _INTEGERS, _INTEGERS))
 def _choose(centre: FloatArray, whiten: FloatArray, area: FloatArray, near: IntArray, neighbour: IntArray) -> None:
     """`neighbour` (N, 4) <- the nearest blob of `near` (N, M) in each direction of the block's own frame, or -1."""
     candidates = near.shape[1]
-    length, angle = np.empty(candidates), np.empty(candidates)
+    length, ax, ay = np.empty(candidates), np.empty(candidates), np.empty(candidates)
     best = np.empty(4)
     for n in range(len(centre)):
         shortest = np.inf
@@ -68,81 +75,102 @@ def _choose(centre: FloatArray, whiten: FloatArray, area: FloatArray, near: IntA
             x, y = centre[other, 0] - centre[n, 0], centre[other, 1] - centre[n, 1]
             sx, sy = whiten[n, 0] * x + whiten[n, 1] * y, whiten[n, 2] * x + whiten[n, 3] * y
             # The same step as the other end sees it: where the two disagree, they are not blocks of one surface.
-            bx, by = whiten[other, 0] * x + whiten[other, 1] * y, whiten[other, 2] * x + whiten[other, 3] * y
-            here, there = np.sqrt(sx * sx + sy * sy), np.sqrt(bx * bx + by * by)
+            here, there = (
+                _norm(sx, sy),
+                _norm(whiten[other, 0] * x + whiten[other, 1] * y, whiten[other, 2] * x + whiten[other, 3] * y),
+            )
             ratio = area[other] / area[n]
             similar = 1 / SIZE_RATIO < ratio < SIZE_RATIO and there < SHAPE_RATIO * here and here < SHAPE_RATIO * there
-            length[m], angle[m] = here if similar else np.inf, np.arctan2(sy, sx)
+            length[m], ax[m], ay[m] = here if similar else np.inf, sx / here, sy / here
             shortest = min(shortest, length[m])
         cosine, sine = 0.0, 0.0
         for m in range(candidates):
             if length[m] < 1.25 * shortest:
-                cosine += np.cos(4 * angle[m])
-                sine += np.sin(4 * angle[m])
+                c, s = ax[m] * ax[m] - ay[m] * ay[m], 2 * ax[m] * ay[m]  # of twice the angle
+                cosine += c * c - s * s
+                sine += 2 * c * s
         frame = np.arctan2(sine, cosine) / 4  # direction 0, in the whitened frame, in [-45, 45) degrees
+        cosine, sine = np.cos(frame), np.sin(frame)
         best[:] = 1.6 * shortest
         for m in range(candidates):
-            quarters = np.rint((angle[m] - frame) / (np.pi / 2))
-            off = abs(angle[m] - frame - quarters * (np.pi / 2))
-            direction = int(quarters) % 4
-            if off < OFF_AXIS and length[m] < best[direction]:
+            x, y = cosine * ax[m] + sine * ay[m], cosine * ay[m] - sine * ax[m]
+            flat = abs(x) > abs(y)
+            direction = (0 if x > 0 else 2) if flat else (1 if y > 0 else 3)
+            off = abs(y) if flat else abs(x)
+            if off < SINE_OFF_AXIS and length[m] < best[direction]:
                 best[direction], neighbour[n, direction] = length[m], near[n, m]
 
 
-def whitened_lengths(blocks: Blocks, links: Links) -> FloatArray:
-    """(N, 4) length of each link, in standard deviations of the block it starts from; NaN where there is none."""
-    step = blocks.centre[links.neighbour] - blocks.centre[:, None]
-    length = np.linalg.norm(np.einsum("nij,nkj->nki", _inverse_roots(blocks.shape), step), axis=-1)
-    return np.where(links.neighbour >= 0, length, np.nan)
+def lengths_and_bends(blocks: Blocks, links: Links) -> tuple[FloatArray, FloatArray]:
+    """Of each link (N, 4): its length in standard deviations of the block it starts from, and its change to the link
+    before or after it, the lesser one, over its length; NaN where there is none."""
+    length, bend = np.full(links.neighbour.shape, np.nan), np.full(links.neighbour.shape, np.nan)
+    whiten = np.ascontiguousarray(_inverse_roots(blocks.shape).reshape(-1, 4))
+    _measure(blocks.centre, whiten, links.neighbour, links.turn, length, bend)
+    return length, bend
 
 
-def bends(blocks: Blocks, links: Links) -> FloatArray:
-    """(N, 4) change of each link to the one before or after it, the lesser one, over its length; NaN: none."""
-    here = np.arange(4)
-    step = np.where((links.neighbour >= 0)[..., None], blocks.centre[links.neighbour] - blocks.centre[:, None], np.nan)
-    before = -step[:, (here + 2) % 4]
-    after = step[links.neighbour, (here + links.turn) % 4]
-    change = np.fmin(np.linalg.norm(step - before, axis=-1), np.linalg.norm(step - after, axis=-1))
-    return change / np.linalg.norm(step, axis=-1)
+@compiled(numba.void(MATRIX, MATRIX, _INTEGERS, _INTEGERS, OUT_MATRIX, OUT_MATRIX))
+def _measure(
+    centre: FloatArray, whiten: FloatArray, neighbour: IntArray, turn: IntArray, length: FloatArray, bend: FloatArray
+) -> None:
+    for n in range(len(centre)):
+        for k in range(4):
+            other = neighbour[n, k]
+            if other < 0:
+                continue
+            x, y = centre[other, 0] - centre[n, 0], centre[other, 1] - centre[n, 1]
+            sx, sy = whiten[n, 0] * x + whiten[n, 1] * y, whiten[n, 2] * x + whiten[n, 3] * y
+            length[n, k] = _norm(sx, sy)
+            change = np.inf
+            before, after = neighbour[n, (k + 2) % 4], neighbour[other, (k + turn[n, k]) % 4]
+            if before >= 0:
+                change = _norm(x - centre[n, 0] + centre[before, 0], y - centre[n, 1] + centre[before, 1])
+            if after >= 0:
+                change = min(
+                    change, _norm(x - centre[after, 0] + centre[other, 0], y - centre[after, 1] + centre[other, 1])
+                )
+            if np.isfinite(change):
+                bend[n, k] = change / _norm(x, y)
 
 
-def _mutual(neighbour: IntArray) -> tuple[IntArray, IntArray]:
-    """Links that both ends see, and the quarter turns between the frames of the ends."""
-    me = np.arange(len(neighbour))[:, None]
-    back = neighbour[neighbour]  # (N, 4, 4): the neighbours of each neighbour
-    is_me = back == me[..., None]
-    mutual = (neighbour >= 0) & is_me.any(axis=-1)
-    seen_from = np.argmax(is_me, axis=-1)  # direction in which the neighbour sees me
-    turn = (seen_from + 2 - np.arange(4)) % 4
-    return np.where(mutual, neighbour, NONE), np.where(mutual, turn, 0)
+@compiled(numba.void(*[_INTEGERS] * 3))
+def _keep_mutual(chosen: IntArray, neighbour: IntArray, turn: IntArray) -> None:
+    """`neighbour` (N, 4) <- those of `chosen` that both ends see; `turn` between the frames of the ends."""
+    for n in range(len(chosen)):
+        for k in range(4):
+            other = chosen[n, k]
+            if other < 0:
+                continue
+            for back in range(4):
+                if chosen[other, back] == n:
+                    neighbour[n, k], turn[n, k] = other, (back + 2 - k) % 4
+                    break
 
 
-def _windows(neighbour: IntArray, turn: IntArray) -> tuple[IntArray, IntArray]:
+@compiled(numba.void(*[_INTEGERS] * 4))
+def _fill_windows(neighbour: IntArray, turn: IntArray, around: IntArray, turns: IntArray) -> None:
     """(N, 9) the blocks about each block and their turns, row by row; directions 0 1 2 3 are right, down, left, up.
 
     A diagonal block is reached over either side neighbour; where both ways exist they must agree.
     """
-    count = len(neighbour)
-    around = np.full((count, 9), NONE)
-    turns = np.zeros((count, 9), np.int64)
-    around[:, 4] = np.arange(count)
-    for k, cell in enumerate((5, 7, 3, 1)):
-        around[:, cell], turns[:, cell] = neighbour[:, k], turn[:, k]
-    for k, cell in enumerate((8, 6, 0, 2)):
-        first, first_turn = _two_steps(neighbour, turn, k, (k + 1) % 4)
-        second, second_turn = _two_steps(neighbour, turn, (k + 1) % 4, k)
-        clash = (first >= 0) & (second >= 0) & ((first != second) | (first_turn != second_turn))
-        use_first = first >= 0
-        around[:, cell] = np.where(clash, NONE, np.where(use_first, first, second))
-        turns[:, cell] = np.where(use_first, first_turn, second_turn)
-    return around, turns
-
-
-def _two_steps(neighbour: IntArray, turn: IntArray, k: int, then: int) -> tuple[IntArray, IntArray]:
-    one, one_turn = neighbour[:, k], turn[:, k]
-    direction = (then + one_turn) % 4
-    two = np.where(one >= 0, neighbour[one, direction], NONE)
-    return two, (one_turn + np.where(one >= 0, turn[one, direction], 0)) % 4
+    for n in range(len(neighbour)):
+        around[n, 4] = n
+        for k, cell in enumerate((5, 7, 3, 1)):
+            around[n, cell], turns[n, cell] = neighbour[n, k], turn[n, k]
+        for k, cell in enumerate((8, 6, 0, 2)):
+            for first, then in ((k, (k + 1) % 4), ((k + 1) % 4, k)):
+                side, side_turn = neighbour[n, first], turn[n, first]
+                if side < 0:
+                    continue
+                direction = (then + side_turn) % 4
+                corner, corner_turn = neighbour[side, direction], (side_turn + turn[side, direction]) % 4
+                if corner < 0:
+                    continue
+                if around[n, cell] >= 0 and (around[n, cell] != corner or turns[n, cell] != corner_turn):
+                    around[n, cell] = NONE
+                else:
+                    around[n, cell], turns[n, cell] = corner, corner_turn
 
 
 def _inverse_roots(shape: FloatArray) -> FloatArray:

@@ -17,9 +17,10 @@ from retrue.decoding.grid_islands import place_islands
 from retrue.decoding.grid_links import NONE, link_blocks
 from retrue.decoding.grid_nearest import nearest
 from retrue.decoding.grid_noise import noise_of
+from retrue.decoding.grid_places import place_blocks
 from retrue.decoding.grid_sight import GridSight, Verdict
 from retrue.decoding.grid_surface import Joints, slopes
-from retrue.decoding.grid_windows import Code, code_of, place_blocks
+from retrue.decoding.grid_windows import Code, code_of
 from retrue.geometry.arrays import FloatArray, Image, IntArray
 from retrue.patterns.color_grid import ColorGrid
 
@@ -48,8 +49,10 @@ def look(pattern: ColorGrid, picture: Image, halvings: int) -> GridSight:
         row, column, _ = code.split(island[island >= 0])
         holder = np.full_like(holder, NONE)
         holder[row, column] = np.flatnonzero(island >= 0)
-        surfaces = table.extended(surfaces, *on_surfaces(blocks, links, island, holder))
-        cell, distance = table.nearest_cells(surfaces)
+        holder, joints = on_surfaces(blocks, links, island, holder)
+        if (holder >= 0).any():
+            surfaces = table.extended(surfaces, holder, joints)
+            cell, distance = table.nearest_cells(surfaces)
 
     holder = _nearest_blobs(code, cell, distance)
     verdict[verdict == Verdict.DECODED] = Verdict.OFF_SURFACE

@@ -4,8 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 
-from retrue.decoding.grid_surface import DIRECTIONS, Joints, middles, shifted
+from retrue.decoding.grid_lines import DIRECTIONS, middles
+from retrue.decoding.grid_surface import Joints
 from retrue.geometry.arrays import FloatArray
+from retrue.geometry.compiling import OUT_STACK, compiled, numba
 
 LEAST = 0.02  # px, standard deviation of the best centres
 PRIOR = 4.0  # lines that the noise of the whole picture counts as
@@ -20,16 +22,33 @@ def noise_of(position: FloatArray, joints: Joints) -> FloatArray:
     noise. One block has up to four lines of its own, of two coordinates: they are averaged with the noise of the whole
     picture, as if that were PRIOR lines more.
     """
-    bend = position - middles(position, joints)
-    lines = np.full(bend.shape[:3], np.nan)
-    for k, (down, right) in enumerate(DIRECTIONS):
-        after, before = shifted(bend[k], (down, right), np.nan), shifted(bend[k], (-down, -right), np.nan)
-        inner = ((bend[k] - (before + after) / 2) ** 2).mean(axis=-1) / GAIN
-        end = ((bend[k] - np.where(np.isfinite(before), before, after)) ** 2).mean(axis=-1) / END_GAIN
-        lines[k] = np.where(np.isfinite(inner), inner, end)
+    lines = np.full((len(DIRECTIONS), *position.shape[:2]), np.nan)
+    _bend_changes(position - middles(position, joints), lines)
     known = np.isfinite(lines)
     # The mean of two squared normal coordinates has its median at ln 2.
     usual = max(float(np.median(lines[known])) / np.log(2), LEAST**2) if known.any() else 1.0
     own = np.where(known, lines, 0.0).sum(axis=0)
     sigma = np.sqrt(np.maximum((PRIOR * usual + own) / (PRIOR + known.sum(axis=0)), LEAST**2))
     return np.where(np.isfinite(position[..., 0]), sigma, np.nan)
+
+
+@compiled(numba.void(numba.types.Array(numba.float64, 4, "C"), OUT_STACK))
+def _bend_changes(bend: FloatArray, lines: FloatArray) -> None:
+    """`lines` (4, rows, columns) <- variance of one coordinate from the change of `bend` (4, rows, columns, 2)."""
+    _, rows, columns, _ = bend.shape
+    for k, (down, right) in enumerate(DIRECTIONS):
+        for r in range(rows):
+            for c in range(columns):
+                i, j = r + down, c + right
+                after = i < rows and 0 <= j < columns and np.isfinite(bend[k, i, j, 0])
+                i, j = r - down, c - right
+                before = i >= 0 and 0 <= j < columns and np.isfinite(bend[k, i, j, 0])
+                if not np.isfinite(bend[k, r, c, 0]) or not (after or before):
+                    continue
+                total = 0.0
+                for x in range(2):
+                    next_one = bend[k, r + down, c + right, x] if after else 0.0
+                    last_one = bend[k, r - down, c - right, x] if before else 0.0
+                    usual = (next_one + last_one) / 2 if after and before else next_one + last_one
+                    total += (bend[k, r, c, x] - usual) ** 2
+                lines[k, r, c] = total / 2 / (GAIN if after and before else END_GAIN)

@@ -8,7 +8,7 @@ import numpy as np
 
 from retrue.decoding.grid_sampling import PICTURES, bilinear, in_two_threads
 from retrue.geometry.arrays import FloatArray, Image
-from retrue.geometry.compiling import MATRIX, OUT_MATRIX, compiled, inlined, numba
+from retrue.geometry.compiling import MATRIX, OUT_MATRIX, called, compiled, numba
 
 SAMPLES = 15  # along a side of a patch
 REACH = 0.56  # pitches from the middle of a patch to its sides
@@ -57,7 +57,7 @@ def look_at(picture: Image, p: FloatArray, u: FloatArray, v: FloatArray, duty: f
     return Patches(found[:, :3], found[:, 3:5], found[:, 5:7], found[:, 7], found[:, 8])
 
 
-@inlined
+@called
 def _apart(color: FloatArray, red: float, green: float, blue: float) -> float:
     return np.sqrt((color[0] - red) ** 2 + (color[1] - green) ** 2 + (color[2] - blue) ** 2)
 
@@ -110,9 +110,12 @@ def _look_at(picture: Image, p: FloatArray, u: FloatArray, v: FloatArray, duty: 
                     floor = min(floor, patch[i, j, c])
             for i in range(mid - inner, mid + inner + 1):
                 for j in range(mid - inner, mid + inner + 1):
-                    values[k] = patch[i, j, c]
+                    slot = k
+                    while slot > 0 and values[slot - 1] > patch[i, j, c]:  # so few are sorted fastest as they come
+                        values[slot] = values[slot - 1]
+                        slot -= 1
+                    values[slot] = patch[i, j, c]
                     k += 1
-            values.sort()
             color[c] = values[len(values) // 2]
             found[n, c] = color[c] - floor
             step += found[n, c] ** 2

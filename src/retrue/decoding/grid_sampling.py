@@ -3,34 +3,39 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from threading import Thread
+from concurrent.futures import ThreadPoolExecutor
 from typing import Any
 
-import numpy as np
-from numpy.typing import NDArray
-
 from retrue.geometry.arrays import FloatArray, Image
-from retrue.geometry.compiling import MATRIX, OUT_MATRIX, VECTOR, compiled, inlined, numba
+from retrue.geometry.compiling import called, numba
 
 PICTURES: tuple[Any, ...] = tuple(
     numba.types.Array(depth, 3, "C", readonly=True) for depth in (numba.uint8, numba.uint16)
 )
 
-WORTH_A_THREAD = 100  # blocks: starting a thread takes as long as measuring some ten
+WORTH_A_THREAD = 100  # blocks: waking a thread takes as long as measuring some ten
+PART = 64  # blocks that a thread takes at a time
+_OTHER = ThreadPoolExecutor(1)
 
 
 def in_two_threads(work: Callable[[slice], None], count: int) -> None:
-    """`work`, which lets go of the interpreter, on each half of 0 .. count at a time."""
+    """`work`, which lets go of the interpreter, on all parts of 0 .. count; with a second thread, if a core is free."""
     if count < WORTH_A_THREAD:
         work(slice(0, count))
         return
-    other = Thread(target=work, args=(slice(count // 2, count),))
-    other.start()
-    work(slice(0, count // 2))
-    other.join()
+    parts = iter([slice(k, min(k + PART, count)) for k in range(0, count, PART)])
+
+    def share() -> None:
+        for part in parts:
+            work(part)
+
+    other = _OTHER.submit(share)
+    share()
+    if not other.cancel():
+        other.result()
 
 
-@inlined
+@called
 def bilinear(picture: Image, x: float, y: float) -> tuple[float, float, float]:
     """The colour of `picture` (h, w, 3) at (x, y); outside as at its border. It has two rows and columns, or more."""
     height, width, _ = picture.shape
@@ -48,47 +53,24 @@ def bilinear(picture: Image, x: float, y: float) -> tuple[float, float, float]:
     )
 
 
-@compiled(
-    [numba.void(kind, MATRIX, MATRIX, MATRIX, MATRIX, VECTOR, VECTOR, OUT_MATRIX) for kind in PICTURES], nogil=True
-)
-def _profiles(
+@called
+def read_profile(
     picture: Image,
     weights: FloatArray,
-    p: FloatArray,
+    x: float,
+    y: float,
     u: FloatArray,
     v: FloatArray,
+    sign: float,
     t: FloatArray,
     s: FloatArray,
-    out: FloatArray,
+    profile: FloatArray,
 ) -> None:
-    for n in range(len(p)):
-        for i in range(len(t)):
-            total = 0.0
-            for beside in s:
-                x = p[n, 0] + t[i] * u[n, 0] + beside * v[n, 0]
-                y = p[n, 1] + t[i] * u[n, 1] + beside * v[n, 1]
-                red, green, blue = bilinear(picture, x, y)
-                total += weights[n, 0] * red + weights[n, 1] * green + weights[n, 2] * blue
-            out[n, i] = total / len(s)
-
-
-def profiles(
-    picture: Image, weights: FloatArray, p: FloatArray, u: FloatArray, v: FloatArray, t: FloatArray, s: FloatArray
-) -> FloatArray:
-    """(N, T) `weights` (N, 3) times the colour at p + t u + s v, mean over s: profiles along u. p, u, v (N, 2)."""
-    out = np.empty((len(p), len(t)))
-    in_two_threads(lambda n: _profiles(picture, weights[n], p[n], u[n], v[n], t, s, out[n]), len(p))
-    return out
-
-
-@compiled([numba.void(kind, MATRIX, OUT_MATRIX) for kind in PICTURES])
-def _sample(picture: Image, at: FloatArray, out: FloatArray) -> None:
-    for n in range(len(at)):
-        out[n, 0], out[n, 1], out[n, 2] = bilinear(picture, at[n, 0], at[n, 1])
-
-
-def sample(picture: Image, at: FloatArray) -> NDArray[np.float64]:
-    """Colours (..., 3) of `picture` at points (..., 2)."""
-    out = np.empty((at.size // 2, 3))
-    _sample(picture, np.ascontiguousarray(at).reshape(-1, 2), out)
-    return out.reshape(*at.shape[:-1], 3)
+    """`profile` (T,) <- `weights` (3,) times the colour at (x, y) + sign t u + s v, mean over s; u, v (2,)."""
+    for i in range(len(t)):
+        total = 0.0
+        for beside in s:
+            along = sign * t[i]
+            red, green, blue = bilinear(picture, x + along * u[0] + beside * v[0], y + along * u[1] + beside * v[1])
+            total += weights[0] * red + weights[1] * green + weights[2] * blue
+        profile[i] = total / len(s)

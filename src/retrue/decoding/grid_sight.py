@@ -75,8 +75,7 @@ class GridSight:
             good = (self.links.neighbour >= 0).sum(axis=1) >= 2
         if not good.any():
             return 0.0
-        determinant = np.maximum(np.linalg.det(self.blocks.shape[good]), 0.0)
-        return float(np.median(np.sqrt(12 * np.sqrt(determinant)))) * 2**self.halvings
+        return float(np.median(np.sqrt(12 * self.blocks.area()[good]))) * 2**self.halvings
 
     def rejected(self) -> dict[str, int]:
         """How many blobs were rejected, by reason."""

@@ -1,4 +1,4 @@
-"""What neighbours on one surface say about each other: slopes, bends, and blocks that do not fit in."""
+"""What neighbours on one surface say about each other: slopes, bends, and blocks that are not as large."""
 
 from __future__ import annotations
 
@@ -12,12 +12,9 @@ from retrue.geometry.arrays import BoolArray, FloatArray
 from retrue.geometry.compiling import OUT_STACK, STACK, VECTOR, compiled, numba
 
 CREASE = 0.1  # change of the pitch from one block to the next that no smooth surface shows
-OUTLIER_SIGMAS = 5.0
-LEAST_SIGMA = 0.02  # px
 STEP_CHANGE = 0.25  # of a step, to the most similar step beside it or before or after it, on one surface
 SIDE_CHANGE, PIXELS_CHANGE = 1.15, 1.0  # of a block, from its neighbours on one surface; and that many px / its side
 Scalar = TypeVar("Scalar", bound=np.generic)
-DIRECTIONS = ((0, 1), (1, 0), (1, 1), (1, -1))
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -61,10 +58,10 @@ def slopes(position: FloatArray, joints: Joints) -> tuple[FloatArray, FloatArray
     return u, v, bend
 
 
-_FLAGS = numba.types.Array(numba.boolean, 2, "A", readonly=True)
+FLAGS = numba.types.Array(numba.boolean, 2, "A", readonly=True)
 
 
-@compiled(numba.void(STACK, _FLAGS, OUT_STACK, OUT_STACK, numba.int64, numba.int64))
+@compiled(numba.void(STACK, FLAGS, OUT_STACK, OUT_STACK, numba.int64, numba.int64))
 def _slopes(
     position: FloatArray, linked: BoolArray, slope: FloatArray, bend: FloatArray, down: int, right: int
 ) -> None:
@@ -93,7 +90,7 @@ def _slopes(
                     bend[r, c, k] += position[r - down, c - right, k]
 
 
-@compiled(numba.void(OUT_STACK, _FLAGS, _FLAGS, _FLAGS, OUT_STACK))
+@compiled(numba.void(OUT_STACK, FLAGS, FLAGS, FLAGS, OUT_STACK))
 def _borrow(known: FloatArray, here: BoolArray, right: BoolArray, down: BoolArray, slope: FloatArray) -> None:
     """`slope`, where blocks that are `here` lack it, <- the mean of what their linked neighbours have."""
     rows, columns, _ = known.shape
@@ -127,7 +124,7 @@ def sound_joints(position: FloatArray, joints: Joints) -> Joints:
     return Joints(right, down)
 
 
-@compiled(numba.void(STACK, _FLAGS, numba.int64, numba.int64, numba.types.Array(numba.boolean, 2, "C")))
+@compiled(numba.void(STACK, FLAGS, numba.int64, numba.int64, numba.types.Array(numba.boolean, 2, "C")))
 def _like_another(position: FloatArray, linked: BoolArray, down: int, right: int, alike: BoolArray) -> None:
     """`alike` <- which of the `linked` steps to (down, right) are like the one beside, before or after them."""
     rows, columns = linked.shape
@@ -182,7 +179,7 @@ def _sides(shape: FloatArray, right: FloatArray, down: FloatArray, side: FloatAr
             side[r, c, 1] = np.sqrt(uy * uy * xx - 2 * ux * uy * xy + ux * ux * yy) / size
 
 
-@compiled(numba.void(STACK, VECTOR, STACK, STACK, _FLAGS, _FLAGS, numba.types.Array(numba.boolean, 2, "C")))
+@compiled(numba.void(STACK, VECTOR, STACK, STACK, FLAGS, FLAGS, numba.types.Array(numba.boolean, 2, "C")))
 def _compare_sides(
     side: FloatArray,
     usual: FloatArray,
@@ -194,93 +191,21 @@ def _compare_sides(
 ) -> None:
     """`alike` is cleared where a block's sides are not those of its linked neighbours, or the `usual` ones for lack."""
     rows, columns = alike.shape
-    others = np.empty(4)
     for r in range(rows):
         for c in range(columns):
             if not alike[r, c]:
                 continue
             for k in range(2):
-                for n, (dr, dc) in enumerate(((0, 1), (0, -1), (1, 0), (-1, 0))):
-                    i, j = r + dr, c + dc
-                    others[n] = usual[k]
+                total, least, most = 0.0, np.inf, 0.0
+                for dr, dc in ((0, 1), (0, -1), (1, 0), (-1, 0)):
+                    i, j, other = r + dr, c + dc, usual[k]
                     if 0 <= i < rows and 0 <= j < columns:
                         linked = linked_right[r, min(c, j)] if dr == 0 else linked_down[min(r, i), c]
                         if linked and np.isfinite(side[i, j, k]):
-                            others[n] = side[i, j, k]
-                like = (others.sum() - others.min() - others.max()) / 2  # their median
+                            other = side[i, j, k]
+                    total, least, most = total + other, min(least, other), max(most, other)
+                like = (total - least - most) / 2  # their median
                 pitch = np.hypot(right[r, c, 0], right[r, c, 1]) if k == 0 else np.hypot(down[r, c, 0], down[r, c, 1])
                 change = SIDE_CHANGE + PIXELS_CHANGE / max(12**0.5 * like * pitch, 1.0)
                 if not like / change < side[r, c, k] < change * like:
                     alike[r, c] = False
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class Agreement:
-    """How each block fits in with its neighbours.
-
-    Attributes
-    ----------
-    odd : (rows, columns) blocks that fit in no line of three in any of the four directions, or have no such line.
-    expected : (rows, columns, 2) where the lines of three that hold no odd block say it is; NaN: nowhere.
-    spread : (rows, columns) largest distance between those lines.
-    sigma : noise of one coordinate, of the whole picture.
-    """
-
-    odd: BoolArray
-    expected: FloatArray
-    spread: FloatArray
-    sigma: float
-
-
-def agreement(position: FloatArray, joints: Joints) -> Agreement:
-    """Compare each block with the middle of its two neighbours, along the row, the column and both diagonals.
-
-    A crease or the edge of a surface leaves at least one of these lines straight; a block that is off all of
-    them is off the surface, or was measured badly.
-    """
-    lines = middles(position, joints)
-    off = position - lines
-    distance = np.sqrt((off**2).sum(axis=-1))
-    sample = np.abs(off[np.isfinite(distance)])
-    sigma = max(float(np.median(sample)) / (0.6745 * 1.5**0.5), LEAST_SIGMA) if len(sample) else LEAST_SIGMA
-    here = np.isfinite(position[..., 0])
-    odd = here & ~(np.fmin.reduce(distance) <= OUTLIER_SIGMAS * sigma)
-    if odd.any():
-        lines = middles(np.where(odd[..., None], np.nan, position), joints)
-    count = np.isfinite(lines[..., 0]).sum(axis=0)
-    expected = np.nansum(lines, axis=0) / np.where(count > 1, count, np.nan)[..., None]
-    spread = np.nan_to_num(np.sqrt(np.fmax.reduce(((lines - expected) ** 2).sum(axis=-1))))
-    return Agreement(odd, expected, spread, sigma)
-
-
-def middles(position: FloatArray, joints: Joints) -> FloatArray:
-    """(4, rows, columns, 2) middle of the two linked neighbours of each block in each of DIRECTIONS; NaN where none."""
-    lines = np.full((len(DIRECTIONS), *position.shape), np.nan)
-    _middles(np.ascontiguousarray(position), joints.right, joints.down, lines)
-    return lines
-
-
-_LINES = numba.types.Array(numba.float64, 4, "C")
-
-
-@compiled(numba.void(STACK, _FLAGS, _FLAGS, _LINES))
-def _middles(position: FloatArray, right: BoolArray, down: BoolArray, lines: FloatArray) -> None:
-    """The same; a diagonal neighbour is linked over either corner."""
-    rows, columns, _ = position.shape
-    linked = np.zeros((4, rows, columns), dtype=np.bool_)  # each block to the next in that direction
-    for r in range(rows):
-        for c in range(columns):
-            ahead, below = c < columns - 1 and right[r, c], r < rows - 1 and down[r, c]
-            linked[0, r, c], linked[1, r, c] = ahead, below
-            if r == rows - 1:
-                continue
-            if c < columns - 1:
-                linked[2, r, c] = (ahead and down[r, c + 1]) or (below and right[r + 1, c])
-            if c > 0:
-                linked[3, r, c] = (right[r, c - 1] and down[r, c - 1]) or (below and right[r + 1, c - 1])
-    for k, (dr, dc) in enumerate(DIRECTIONS):
-        for r in range(dr, rows - dr):
-            for c in range(abs(dc), columns - abs(dc)):
-                if linked[k, r, c] and linked[k, r - dr, c - dc]:
-                    for i in range(2):
-                        lines[k, r, c, i] = (position[r + dr, c + dc, i] + position[r - dr, c - dc, i]) / 2
