@@ -27,6 +27,8 @@ DONE = 0
 REFUSED_OR_DRIFTED = 1
 BAD_INPUT = 2
 
+FIRST_TIME = "the first time on a machine this compiles for some seconds"
+
 
 @dataclass(frozen=True, slots=True)
 class Outcome:
@@ -124,7 +126,8 @@ def read_captures(captures: Sequence[Path], pattern: Path | None) -> list[Corres
     points: list[Correspondences] = []
     show = terminal.progress("decoding captures")
     for done, capture in enumerate(captures):
-        if len(captures) > 1:
+        terminal.status(f"decoding {capture}; {FIRST_TIME}")
+        if done:
             show(done, len(captures))
         points.append(read_capture(capture, spec))
         log(f"{capture}: {len(points[-1])} correspondences")
