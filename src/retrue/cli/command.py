@@ -126,7 +126,8 @@ def read_captures(captures: Sequence[Path], pattern: Path | None) -> list[Corres
     points: list[Correspondences] = []
     show = terminal.progress("decoding captures")
     for done, capture in enumerate(captures):
-        terminal.status(f"decoding {capture}; {FIRST_TIME}")
+        if spec is not None:
+            terminal.status(f"decoding {capture}; {FIRST_TIME}")
         if done:
             show(done, len(captures))
         points.append(read_capture(capture, spec))
