@@ -15,9 +15,7 @@ from retrue.geometry.arrays import FloatArray, finite_array
 
 MINIMAL_POINTS = 4
 EQUAL_WEIGHTS = np.ones(0)
-SETTLED = (
-    1e-6  # step of the normalised H below which the next one is lost in rounding: each is a thousandth of the last
-)
+SETTLED = 1e-6  # step of the normalised H; the next is a thousandth of it, and lost in rounding
 
 
 def fit_homography(

@@ -17,7 +17,7 @@ from retrue.recalibration.prepare import Rays
 
 APART = 10.0  # times the noise: nearer to the line where two planes meet, either may claim a point
 ENOUGH_POINTS = 2000
-LARGE = 0.25
+LARGE = 0.25  # share of a capture's points on planes
 ALIKE = 0.25  # residuals of two neighbours, apart by less than this share of the larger
 ALIKE_BY_CHANCE = 0.25  # share of independent ones that are; 1/8 where uniform
 
@@ -40,7 +40,7 @@ def contradicting_share(fit: PoseFit, rays: Rays) -> float:
 
 
 def interleaved_share(fit: PoseFit, rays: Rays) -> float:
-    """Share of the points on planes whose nearest neighbour lies on another plane, clearly apart from theirs there.
+    """Share of the points on large planes whose nearest neighbour lies on another one, clearly apart from theirs there.
 
     Surfaces meet along lines, so that few points have such a neighbour; each plane of a mixture is everywhere.
     """
