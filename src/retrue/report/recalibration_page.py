@@ -88,7 +88,7 @@ def _facts(
     ]
     if change.displacement is not None:
         note = f"at {unit.text(evidence.working_distance)}; now ± {unit.text(sigma.displacement)}"
-        facts.append(Fact("The old rig is wrong by", unit.text(change.displacement), note))
+        facts.append(Fact("Measured points move by", unit.text(change.displacement), note))
     missed = f"{pixels(median_residual(before, captures))} before"
     facts.append(Fact("Rays miss by (median)", pixels(median_residual(after, captures)), missed))
     return tuple(facts)
