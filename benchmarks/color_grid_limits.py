@@ -12,7 +12,7 @@ from dataclasses import replace
 import numpy as np
 from color_grid_score import Score, block_truth, score
 
-from retrue.decoding.color_grid import decode_color_grid
+from retrue.decoding.blocks.decode_color_grid import decode_color_grid
 from retrue.geometry.camera import Camera
 from retrue.geometry.transform import RigidTransform
 from retrue.patterns.color_grid import make_color_grid

@@ -16,7 +16,7 @@ import cv2
 import numpy as np
 from color_grid_renders import RENDERS, read, read_grid
 
-from retrue.decoding.color_grid import decode_color_grid
+from retrue.decoding.blocks.decode_color_grid import decode_color_grid
 from retrue.geometry.arrays import Image
 from retrue.patterns.color_grid import ColorGrid
 

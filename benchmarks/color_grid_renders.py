@@ -20,7 +20,7 @@ import cv2
 import numpy as np
 from color_grid_score import block_truth, score
 
-from retrue.decoding.color_grid import decode_color_grid
+from retrue.decoding.blocks.decode_color_grid import decode_color_grid
 from retrue.geometry.arrays import FloatArray, Image
 from retrue.geometry.camera import Camera
 from retrue.geometry.transform import RigidTransform

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from retrue.correspondences import Correspondences
-from retrue.decoding.color_grid import decode_color_grid
+from retrue.decoding.blocks.decode_color_grid import decode_color_grid
 from retrue.errors import InputError
 from retrue.geometry.camera import Camera
 from retrue.geometry.transform import RigidTransform

@@ -3,11 +3,11 @@
 import numpy as np
 import pytest
 
-from retrue.decoding.grid_blocks import find_blocks
-from retrue.decoding.grid_nearest import nearest_of_all
-from retrue.decoding.grid_noise import noise_of
-from retrue.decoding.grid_patches import look_at
-from retrue.decoding.grid_surface import Joints
+from retrue.decoding.blocks.blobs import find_blocks
+from retrue.decoding.blocks.nearest import nearest_of_all
+from retrue.decoding.blocks.noise import noise_of
+from retrue.decoding.blocks.patches import look_at
+from retrue.decoding.blocks.surface import Joints
 
 PITCH, DUTY = 20.0, 0.6
 U, V = np.array([[PITCH, 0.0]]), np.array([[0.0, PITCH]])

@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from retrue.decoding.color_grid import inspect_color_grid
+from retrue.decoding.blocks.decode_color_grid import inspect_color_grid
 from retrue.patterns.color_grid import make_color_grid
 from retrue.report.grid_debug import grid_pictures
 

@@ -46,8 +46,8 @@ class Decode(Command):
     debug: Annotated[Path | None, arg(metavar="DIR")] = None
 
     def run(self) -> Outcome:
-        from retrue.files.plain_json import plain
         from retrue.files.points import write_points
+        from retrue.plain_json import plain
 
         require_writable(self.out)
         start = time.perf_counter()
@@ -76,7 +76,7 @@ def _card_lines(card: Mapping[str, Any]) -> list[str]:
 
 def _draw(capture: Path, pattern: Path | None, folder: Path) -> list[Path]:
     """The pictures of one look at a colour grid."""
-    from retrue.decoding.color_grid import inspect_color_grid
+    from retrue.decoding.blocks.decode_color_grid import inspect_color_grid
     from retrue.files.atomic import replaced_file
     from retrue.files.images import read_image
     from retrue.files.patterns import read_pattern

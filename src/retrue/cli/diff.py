@@ -31,8 +31,8 @@ class Diff(Command):
 
     def run(self) -> Outcome:
         from retrue.files.history import known_working_distance
-        from retrue.files.plain_json import plain
         from retrue.files.rigs import read_rig
+        from retrue.plain_json import plain
         from retrue.rig_difference import rig_difference
 
         first, second = read_rig(self.first), read_rig(self.second)

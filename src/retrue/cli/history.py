@@ -63,7 +63,7 @@ class History(Command):
 
 def _entry_report(entry: HistoryEntry, step: RigDifference | None) -> dict[str, Any]:
     from retrue.cli.json_output import pose_report
-    from retrue.files.plain_json import plain
+    from retrue.plain_json import plain
 
     return {
         "id": entry.id,

@@ -5,8 +5,8 @@ from __future__ import annotations
 from dataclasses import asdict
 from typing import Any
 
-from retrue.files.plain_json import plain
 from retrue.geometry.transform import RigidTransform
+from retrue.plain_json import plain
 from retrue.recalibration.result import Accepted, PoseCandidate, Refused, Verification
 
 

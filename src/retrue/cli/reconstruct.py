@@ -137,7 +137,7 @@ class Reconstruct(ReportingCommand):
 
 
 def _cloud_report(cloud: Cloud) -> dict[str, Any]:
-    from retrue.files.plain_json import plain
+    from retrue.plain_json import plain
     from retrue.reconstruction.resolution import resolution
     from retrue.reconstruction.surface_grid import surface_grid
 
@@ -170,7 +170,7 @@ def _cloud_text(out: Path, report: dict[str, Any]) -> str:
 
 def _patches_report(model: CadModel) -> list[dict[str, Any]]:
     from retrue.cad.surfaces import SphereSurface
-    from retrue.files.plain_json import plain
+    from retrue.plain_json import plain
 
     return [
         {

@@ -55,7 +55,7 @@ def _photograph(path: Path, pattern: Path | None) -> Image | None:
 
     spec = None if pattern is None else read_pattern(pattern)
     if path.is_dir() and isinstance(spec, GrayCode):
-        from retrue.decoding.gray_sequence import arrange
+        from retrue.decoding.gray.sequence import arrange
 
         images, paths = read_folder(path)
         return arrange(spec, images, [entry.name for entry in paths]).white

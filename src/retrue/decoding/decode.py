@@ -34,13 +34,13 @@ def decode(pattern: Pattern, images: Image | Sequence[Image], *, names: Sequence
     """
     pictures: list[Image] = [images] if hasattr(images, "ndim") else list(images)  # type: ignore[list-item]
     if isinstance(pattern, GrayCode):
-        from retrue.decoding.gray_code import decode_gray_code
+        from retrue.decoding.gray.decode_gray_code import decode_gray_code
 
         return decode_gray_code(pattern, pictures, names)
     if not 1 <= len(pictures) <= 3:
         raise InputError(
             f"colour grid: expected its picture, and at most a black and a white one, found {len(pictures)} pictures"
         )
-    from retrue.decoding.color_grid import decode_color_grid
+    from retrue.decoding.blocks.decode_color_grid import decode_color_grid
 
     return decode_color_grid(pattern, *pictures)

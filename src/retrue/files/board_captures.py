@@ -63,7 +63,7 @@ def capture_size(path: str | Path) -> tuple[int, int]:
 
 def _read_gray_code(path: Path, pattern: GrayCode, board: Board) -> BoardCapture:
     from retrue.decoding.decode import decode
-    from retrue.decoding.gray_sequence import arrange
+    from retrue.decoding.gray.sequence import arrange
 
     images, paths = read_folder(path)
     names = [entry.name for entry in paths]
@@ -78,7 +78,7 @@ def _read_gray_code(path: Path, pattern: GrayCode, board: Board) -> BoardCapture
 
 
 def _read_color_grid(path: Path, pattern: ColorGrid, board: Board) -> BoardCapture:
-    from retrue.decoding.color_grid import decode_color_grid
+    from retrue.decoding.blocks.decode_color_grid import decode_color_grid
 
     images, _ = read_folder(path, color=(0, 1))
     if len(images) != 2:

@@ -16,8 +16,8 @@ from retrue.errors import FileError
 from retrue.files.atomic import replaced_file
 from retrue.files.ply import write_cloud as write_ply_cloud
 from retrue.files.ply import write_mesh as write_ply_mesh
-from retrue.files.units import metres_per
 from retrue.reconstruction.cloud import Cloud, Mesh
+from retrue.units import metres_per
 
 if TYPE_CHECKING:
     from trimesh import PointCloud, Trimesh

@@ -14,8 +14,8 @@ from retrue.cad.spline import DEGREE, SplineSurface
 from retrue.cad.surfaces import PlaneSurface, SphereSurface, Surface
 from retrue.errors import DegenerateError, FileError, InputError
 from retrue.files.atomic import replaced_file
-from retrue.files.units import metres_per
 from retrue.geometry.arrays import FloatArray
+from retrue.units import metres_per
 
 ENDINGS = (".step", ".stp")
 MM_PER_METRE = 1000.0

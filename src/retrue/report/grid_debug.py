@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from retrue.decoding.grid_sight import GridSight, Verdict
+from retrue.decoding.blocks.sight import GridSight, Verdict
 from retrue.geometry.arrays import FloatArray
 
 if TYPE_CHECKING:

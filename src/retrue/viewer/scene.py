@@ -10,12 +10,12 @@ from numpy.typing import NDArray
 
 from retrue.errors import InputError
 from retrue.files.history import HistoryEntry
-from retrue.files.units import metres_per
 from retrue.geometry.arrays import FloatArray, IntArray
 from retrue.geometry.camera import Camera
 from retrue.geometry.transform import RigidTransform
 from retrue.reconstruction.cloud import Cloud, Mesh
 from retrue.rig import Rig
+from retrue.units import metres_per
 from retrue.viewer.contents import Candidate, Contents
 
 MOST_POINTS = 300_000

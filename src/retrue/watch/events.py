@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from retrue.errors import FileError
-from retrue.files.plain_json import plain
+from retrue.plain_json import plain
 
 Event = Mapping[str, Any]
 Listener = Callable[[Event], None]

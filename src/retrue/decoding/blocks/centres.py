@@ -8,9 +8,9 @@ from functools import cache
 import cv2
 import numpy as np
 
-from retrue.decoding.grid_lines import agreement
-from retrue.decoding.grid_sampling import PICTURES, bilinear, in_two_threads, read_profile
-from retrue.decoding.grid_surface import Joints, slopes
+from retrue.decoding.blocks.lines import agreement
+from retrue.decoding.blocks.sampling import PICTURES, bilinear, in_two_threads, read_profile
+from retrue.decoding.blocks.surface import Joints, slopes
 from retrue.geometry.arrays import BoolArray, FloatArray, Image, IntArray
 from retrue.geometry.compiling import MATRIX, OUT_MATRIX, STACK, VECTOR, compiled, numba
 

@@ -6,7 +6,7 @@ from functools import lru_cache
 
 import numpy as np
 
-from retrue.decoding.grid_links import NONE
+from retrue.decoding.blocks.links import NONE
 from retrue.errors import InputError
 from retrue.geometry.arrays import IntArray
 from retrue.geometry.compiling import called, compiled, numba

@@ -10,7 +10,7 @@ from typing import cast
 import cv2
 import numpy as np
 
-from retrue.decoding.gray_faults import (
+from retrue.decoding.gray.faults import (
     CAPTURE,
     ends_with_white_and_black,
     explain_count,

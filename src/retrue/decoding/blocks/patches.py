@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from retrue.decoding.grid_sampling import PICTURES, bilinear, in_two_threads
+from retrue.decoding.blocks.sampling import PICTURES, bilinear, in_two_threads
 from retrue.geometry.arrays import FloatArray, Image
 from retrue.geometry.compiling import MATRIX, OUT_MATRIX, called, compiled, numba
 

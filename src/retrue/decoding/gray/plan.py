@@ -7,10 +7,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from retrue.decoding.gray_bits import CodeImage, decode_axis, neighbours
-from retrue.decoding.gray_faults import require_order
-from retrue.decoding.gray_sequence import GraySequence
-from retrue.decoding.gray_subpixel import FloatImage
+from retrue.decoding.gray.bits import CodeImage, decode_axis, neighbours
+from retrue.decoding.gray.faults import require_order
+from retrue.decoding.gray.sequence import GraySequence
+from retrue.decoding.gray.stripe_edges import FloatImage
 from retrue.geometry.arrays import Image
 
 MAX_CELL = 32

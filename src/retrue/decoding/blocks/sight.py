@@ -8,8 +8,8 @@ from enum import IntEnum
 import numpy as np
 from numpy.typing import NDArray
 
-from retrue.decoding.grid_blocks import Blocks
-from retrue.decoding.grid_links import Links
+from retrue.decoding.blocks.blobs import Blocks
+from retrue.decoding.blocks.links import Links
 from retrue.geometry.arrays import FloatArray, Image, IntArray
 from retrue.patterns.color_grid import ColorGrid
 

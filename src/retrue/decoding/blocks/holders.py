@@ -7,18 +7,18 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from retrue.decoding.grid_blocks import Blocks
-from retrue.decoding.grid_evidence import (
+from retrue.decoding.blocks.blobs import Blocks
+from retrue.decoding.blocks.evidence import (
     SIGNIFICANCE,
     joined_places,
     neighbours_colors,
     patch_evidence,
     surface_evidence,
 )
-from retrue.decoding.grid_links import NONE, Links
-from retrue.decoding.grid_sight import Verdict
-from retrue.decoding.grid_surface import Joints, in_squares, sound_joints, whole_blocks
-from retrue.decoding.grid_windows import Code
+from retrue.decoding.blocks.links import NONE, Links
+from retrue.decoding.blocks.sight import Verdict
+from retrue.decoding.blocks.surface import Joints, in_squares, sound_joints, whole_blocks
+from retrue.decoding.blocks.windows import Code
 from retrue.geometry.arrays import BoolArray, IntArray
 
 SURROUNDED = 5  # agreeing neighbours of eight, from which on a block's own colour need not be beyond doubt

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from retrue.decoding.grid_blocks import Blocks
-from retrue.decoding.grid_nearest import nearest_of_all
+from retrue.decoding.blocks.blobs import Blocks
+from retrue.decoding.blocks.nearest import nearest_of_all
 from retrue.geometry.arrays import FloatArray, IntArray
 from retrue.geometry.compiling import MATRIX, OUT_MATRIX, VECTOR, called, compiled, numba
 

@@ -6,10 +6,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from retrue.decoding.grid_colors import Colors, local_level
-from retrue.decoding.grid_nearest import nearest
-from retrue.decoding.grid_patches import look_at
-from retrue.decoding.grid_surface import Joints, shifted, slopes
+from retrue.decoding.blocks.colors import Colors, local_level
+from retrue.decoding.blocks.nearest import nearest
+from retrue.decoding.blocks.patches import look_at
+from retrue.decoding.blocks.surface import Joints, shifted, slopes
 from retrue.geometry.arrays import BoolArray, FloatArray, Image, IntArray
 
 SIDES = ((0, 1), (1, 0), (0, -1), (-1, 0))  # (down, right), in the order right, down, left, up

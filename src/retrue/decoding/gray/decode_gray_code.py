@@ -9,11 +9,11 @@ from functools import partial
 import numpy as np
 
 from retrue.correspondences import Correspondences
-from retrue.decoding.gray_card import decode_card
-from retrue.decoding.gray_faults import require_inside
-from retrue.decoding.gray_plan import MAX_CELL, plan_reading
-from retrue.decoding.gray_reading import Band, read_band
-from retrue.decoding.gray_sequence import GraySequence, arrange
+from retrue.decoding.gray.card import decode_card
+from retrue.decoding.gray.faults import require_inside
+from retrue.decoding.gray.plan import MAX_CELL, plan_reading
+from retrue.decoding.gray.reading import Band, read_band
+from retrue.decoding.gray.sequence import GraySequence, arrange
 from retrue.geometry.arrays import Image
 from retrue.patterns.gray_code import GrayCode
 

@@ -8,19 +8,19 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from retrue.decoding.grid_blocks import Blocks, find_blocks
-from retrue.decoding.grid_centres import refine_centres
-from retrue.decoding.grid_colors import Colors, separate_colors
-from retrue.decoding.grid_growth import MISFIT, Surfaces, cut_blocks, grow
-from retrue.decoding.grid_holders import held_by, hold_places, on_surfaces
-from retrue.decoding.grid_islands import place_islands
-from retrue.decoding.grid_links import NONE, link_blocks
-from retrue.decoding.grid_nearest import nearest
-from retrue.decoding.grid_noise import noise_of
-from retrue.decoding.grid_places import place_blocks
-from retrue.decoding.grid_sight import GridSight, Verdict
-from retrue.decoding.grid_surface import Joints, slopes
-from retrue.decoding.grid_windows import Code, code_of
+from retrue.decoding.blocks.blobs import Blocks, find_blocks
+from retrue.decoding.blocks.centres import refine_centres
+from retrue.decoding.blocks.colors import Colors, separate_colors
+from retrue.decoding.blocks.growth import MISFIT, Surfaces, cut_blocks, grow
+from retrue.decoding.blocks.holders import held_by, hold_places, on_surfaces
+from retrue.decoding.blocks.islands import place_islands
+from retrue.decoding.blocks.links import NONE, link_blocks
+from retrue.decoding.blocks.nearest import nearest
+from retrue.decoding.blocks.noise import noise_of
+from retrue.decoding.blocks.places import place_blocks
+from retrue.decoding.blocks.sight import GridSight, Verdict
+from retrue.decoding.blocks.surface import Joints, slopes
+from retrue.decoding.blocks.windows import Code, code_of
 from retrue.geometry.arrays import FloatArray, Image, IntArray
 from retrue.patterns.color_grid import ColorGrid
 

@@ -13,7 +13,7 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
-from retrue.decoding.gray_bits import CodeImage
+from retrue.decoding.gray.bits import CodeImage
 from retrue.errors import CaptureError
 from retrue.geometry.arrays import FloatArray, Image
 from retrue.patterns.gray_code import GrayCode

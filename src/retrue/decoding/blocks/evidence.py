@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from retrue.decoding.grid_links import NONE, Links
-from retrue.decoding.grid_surface import Joints
-from retrue.decoding.grid_windows import INTEGERS, OUT_INTEGERS, WINDOWS, Code, moved
+from retrue.decoding.blocks.links import NONE, Links
+from retrue.decoding.blocks.surface import Joints
+from retrue.decoding.blocks.windows import INTEGERS, OUT_INTEGERS, WINDOWS, Code, moved
 from retrue.geometry.arrays import BoolArray, FloatArray, IntArray
 from retrue.geometry.compiling import compiled, numba
 

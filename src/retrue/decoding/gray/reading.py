@@ -8,10 +8,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from retrue.decoding.gray_bits import decode_axis
-from retrue.decoding.gray_plan import UNDECIDED, Plan, noise_of_difference
-from retrue.decoding.gray_sequence import GraySequence
-from retrue.decoding.gray_subpixel import FloatImage, find_edges, fit_planes
+from retrue.decoding.gray.bits import decode_axis
+from retrue.decoding.gray.plan import UNDECIDED, Plan, noise_of_difference
+from retrue.decoding.gray.sequence import GraySequence
+from retrue.decoding.gray.stripe_edges import FloatImage, find_edges, fit_planes
 from retrue.geometry.arrays import BoolArray, Image
 from retrue.patterns.gray_code import GrayCode
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from retrue.decoding.grid_sight import GridSight
+from retrue.decoding.blocks.sight import GridSight
 
 GOOD_COUNT = 30  # points that a job can work with
 SMALLEST_BLOCK = 5.0  # px

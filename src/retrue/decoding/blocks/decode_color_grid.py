@@ -8,9 +8,9 @@ import cv2
 import numpy as np
 
 from retrue.correspondences import Correspondences
-from retrue.decoding.grid_advice import advise
-from retrue.decoding.grid_look import look
-from retrue.decoding.grid_sight import GridSight
+from retrue.decoding.blocks.advice import advise
+from retrue.decoding.blocks.look import look
+from retrue.decoding.blocks.sight import GridSight
 from retrue.errors import InputError
 from retrue.geometry.arrays import FloatArray, Image
 from retrue.patterns.color_grid import ColorGrid

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from retrue.decoding.grid_lines import DIRECTIONS, middles
-from retrue.decoding.grid_surface import Joints
+from retrue.decoding.blocks.lines import DIRECTIONS, middles
+from retrue.decoding.blocks.surface import Joints
 from retrue.geometry.arrays import FloatArray
 from retrue.geometry.compiling import OUT_STACK, compiled, numba
 

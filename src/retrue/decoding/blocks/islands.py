@@ -7,11 +7,11 @@ from typing import cast
 
 import numpy as np
 
-from retrue.decoding.grid_blocks import Blocks
-from retrue.decoding.grid_links import NONE, Links, lengths_and_bends
-from retrue.decoding.grid_nearest import nearest
-from retrue.decoding.grid_surface import Joints, slopes
-from retrue.decoding.grid_windows import COSINE, SINE, Code, rotated
+from retrue.decoding.blocks.blobs import Blocks
+from retrue.decoding.blocks.links import NONE, Links, lengths_and_bends
+from retrue.decoding.blocks.nearest import nearest
+from retrue.decoding.blocks.surface import Joints, slopes
+from retrue.decoding.blocks.windows import COSINE, SINE, Code, rotated
 from retrue.geometry.arrays import BoolArray, FloatArray, IntArray
 from retrue.geometry.compiling import OUT_VECTOR, VECTOR, compiled, numba
 

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from retrue.decoding.grid_surface import FLAGS, Joints
+from retrue.decoding.blocks.surface import FLAGS, Joints
 from retrue.geometry.arrays import BoolArray, FloatArray
 from retrue.geometry.compiling import OUT_MATRIX, OUT_STACK, OUT_VECTOR, STACK, compiled, numba
 

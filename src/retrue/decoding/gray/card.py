@@ -7,8 +7,8 @@ from typing import Any
 
 import numpy as np
 
-from retrue.decoding.gray_faults import CAPTURE
-from retrue.decoding.gray_sequence import GraySequence
+from retrue.decoding.gray.faults import CAPTURE
+from retrue.decoding.gray.sequence import GraySequence
 from retrue.errors import CaptureError
 
 REASONS = {

@@ -17,7 +17,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from retrue.decoding.gray_bits import AxisCode, neighbours
+from retrue.decoding.gray.bits import AxisCode, neighbours
 from retrue.geometry.arrays import BoolArray
 
 FloatImage = NDArray[np.float32]
