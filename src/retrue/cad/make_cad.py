@@ -9,16 +9,14 @@ import numpy as np
 from retrue.cad.model import CadModel, Outline, Patch
 from retrue.cad.options import CadOptions
 from retrue.cad.outlines import region_outlines, signed_area
-from retrue.cad.segmentation import Region, smooth_regions
+from retrue.cad.segmentation import Region, ThinGrid, smooth_regions, thin_grid
 from retrue.cad.spline import SplineSurface, fit_spline
 from retrue.cad.surfaces import PlaneSurface, SphereSurface, Surface, fit_plane, fit_sphere
-from retrue.cad.thinning import ThinGrid, thin_grid
 from retrue.errors import DegenerateError, InputError
 from retrue.geometry.arrays import FloatArray, IntArray
 from retrue.reconstruction.cloud import Cloud
-from retrue.reconstruction.depth_jumps import SPACING_FRACTION
 from retrue.reconstruction.resolution import resolution
-from retrue.reconstruction.surface_grid import surface_grid
+from retrue.reconstruction.surface_grid import SPACING_FRACTION, surface_grid
 
 NOISE_SIGMAS = 6.0
 FINEST = 1e-6  # of the depth

@@ -1,4 +1,4 @@
-"""What CAD can be told."""
+"""What CAD can be told; apart from it, so that `--help` need not load NumPy."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What a reconstruction can be told."""
+"""What a reconstruction can be told; apart from it, so that `--help` need not load NumPy."""
 
 from __future__ import annotations
 

@@ -15,7 +15,7 @@ from retrue.geometry.camera import Camera
 from retrue.geometry.triangulation import sampson_distances, triangulate
 from retrue.reconstruction.cloud import Cloud
 from retrue.reconstruction.options import ReconstructOptions
-from retrue.reconstruction.strays import find_strays
+from retrue.reconstruction.pieces import find_strays
 from retrue.reconstruction.surface_grid import surface_grid
 from retrue.rig import Rig
 
