@@ -8,12 +8,12 @@ from typing import Any
 
 import numpy as np
 
-from retrue.calibration.fitted_views import FittedView
+from retrue.calibration.result import FittedView
 from retrue.geometry.arrays import FloatArray
 from retrue.report.figures import harmless, numbers, picture_layout, polyline
 from retrue.report.lengths import LengthUnit, figures
 from retrue.report.page import Chart
-from retrue.report.residual_charts import round_factor
+from retrue.report.residual_section import round_factor
 from retrue.report.scene import ORIGIN, Device, outline_trace, scene_chart
 from retrue.rig import Rig
 

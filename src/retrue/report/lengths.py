@@ -1,4 +1,4 @@
-"""Lengths, angles and pixels as people read them."""
+"""Lengths, angles, pixels and reasons, as people read them."""
 
 from __future__ import annotations
 
@@ -74,3 +74,29 @@ def pixels(value: float | None) -> str:
     """A distance in a picture, with its unit."""
     number = figures(value)
     return number if number == MISSING else f"{number} px"
+
+
+def problem_and_advice(reason: str) -> tuple[str, tuple[str, ...]]:
+    """Our reasons read "what is wrong; what to do": both as sentences.
+
+    >>> problem_and_advice("no plane among 80 points; have a wall fill part of the picture")
+    ('No plane among 80 points.', ('Have a wall fill part of the picture.',))
+    """
+    problem, *advice = reason.split("; ")
+    return sentence(problem), tuple(sentence(part) for part in advice)
+
+
+def sentence(text: str) -> str:
+    """With a capital and a full stop."""
+    text = text.strip()
+    text = text[:1].upper() + text[1:]
+    return text if text.endswith((".", "?", "!")) else f"{text}."
+
+
+def listed(parts: list[str]) -> str:
+    """One, two and three.
+
+    >>> listed(["a plane", "a ball", "a box"])
+    'a plane, a ball and a box'
+    """
+    return parts[0] if len(parts) == 1 else f"{', '.join(parts[:-1])} and {parts[-1]}"

@@ -1,9 +1,10 @@
-"""Pictures of what was found, as PNG bytes."""
+"""Pictures of what was found, and of how a rig moved over time, as PNG bytes."""
 
 from __future__ import annotations
 
 import io
 from collections.abc import Sequence
+from datetime import datetime
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -14,9 +15,11 @@ from retrue.geometry.camera import Camera
 from retrue.geometry.transform import RigidTransform
 from retrue.reconstruction.cloud import Cloud
 from retrue.rig import Rig
+from retrue.rig_difference import RigDifference
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
+
 
 MOST_POINTS = 20_000  # drawn; more only blacken the picture
 FRUSTUM_SHARE = 0.15  # of the distance to the scene, so that a device is seen but hides nothing
@@ -98,3 +101,25 @@ def png_bytes(figure: Figure) -> bytes:
     stream = io.BytesIO()
     figure.savefig(stream, format="png", dpi=110)
     return stream.getvalue()
+
+
+def drift_picture(times: Sequence[datetime], since_first: Sequence[RigDifference]) -> bytes:
+    """Rotation and direction of t away from the first rig, each held until the next one took its place."""
+    from matplotlib.dates import AutoDateLocator, ConciseDateFormatter
+
+    figure = blank_figure(8.0, 4.0)
+    axis: Any = figure.subplots()
+    for label, values in (
+        ("rotation", [difference.rotation_deg for difference in since_first]),
+        ("direction of t", [difference.translation_deg for difference in since_first]),
+    ):
+        axis.step(times, values, where="post", marker="o", label=label)
+    locator = AutoDateLocator()
+    axis.xaxis.set_major_locator(locator)
+    axis.xaxis.set_major_formatter(ConciseDateFormatter(locator))
+    axis.set_xlabel("time, UTC")
+    axis.set_ylabel("drift since the first entry, deg")
+    axis.set_ylim(bottom=0)
+    axis.grid(alpha=0.3)
+    axis.legend()
+    return png_bytes(figure)

@@ -6,14 +6,12 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 from retrue.recalibration.result import Accepted, Evidence, PoseSigma, Refused
-from retrue.report.evidence_tables import evidence_blocks
-from retrue.report.lengths import LengthUnit, degrees, figures, pixels, shown_unit
+from retrue.report.evidence_tables import change_table, evidence_blocks, pose_table
+from retrue.report.lengths import LengthUnit, degrees, figures, pixels, problem_and_advice, sentence, shown_unit
 from retrue.report.page import Fact, Page, Section
-from retrue.report.pose_table import change_table, pose_table
 from retrue.report.residual_section import median_residual, residual_section
-from retrue.report.rig_scene import change_scene, cloud_of
+from retrue.report.scene import change_scene, cloud_of
 from retrue.report.seen import SeenCapture
-from retrue.report.words import problem_and_advice, sentence
 from retrue.rig import Rig
 
 

@@ -9,7 +9,7 @@ from retrue.report.evidence_tables import detail_rows
 from retrue.report.lengths import figures, pixels, shown_unit
 from retrue.report.page import Fact, Page, Section, Table
 from retrue.report.residual_section import median_residual, residual_section
-from retrue.report.rig_scene import rig_scene
+from retrue.report.scene import rig_scene
 from retrue.report.seen import SeenCapture
 from retrue.rig import Rig
 

@@ -7,13 +7,12 @@ from collections.abc import Sequence
 import numpy as np
 
 from retrue.recalibration.result import Verification
-from retrue.report.lengths import degrees, figures, pixels, shown_unit
+from retrue.report.evidence_tables import change_table
+from retrue.report.lengths import degrees, figures, pixels, problem_and_advice, shown_unit
 from retrue.report.page import Block, Fact, Page, Section, Table
-from retrue.report.pose_table import change_table
 from retrue.report.residual_section import median_residual, residual_section
-from retrue.report.rig_scene import cloud_of, rig_scene
+from retrue.report.scene import cloud_of, rig_scene
 from retrue.report.seen import SeenCapture
-from retrue.report.words import problem_and_advice
 from retrue.rig import Rig
 
 
