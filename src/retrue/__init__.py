@@ -16,11 +16,11 @@ if TYPE_CHECKING:
     from retrue.files.history import roll_back as roll_back
     from retrue.files.history import write_in_place as write_in_place
     from retrue.files.images import read_image as read_image
+    from retrue.files.images import write_png as write_png
     from retrue.files.models import write_cloud as write_cloud
     from retrue.files.models import write_mesh as write_mesh
     from retrue.files.patterns import read_pattern as read_pattern
     from retrue.files.patterns import write_pattern as write_pattern
-    from retrue.files.png import write_png as write_png
     from retrue.files.points import read_points as read_points
     from retrue.files.points import write_points as write_points
     from retrue.files.rigs import read_rig as read_rig
@@ -109,7 +109,7 @@ _HOMES = {
     "write_in_place": "files.history",
     "write_mesh": "files.models",
     "write_pattern": "files.patterns",
-    "write_png": "files.png",
+    "write_png": "files.images",
     "write_points": "files.points",
     "write_rig": "files.rigs",
     "write_step": "files.step",

@@ -9,9 +9,8 @@ from pathlib import Path
 from typing import Any, cast
 
 from retrue.errors import FileError, InputError
-from retrue.files.atomic import replaced_file
+from retrue.files.atomic import read_text, replaced_file
 from retrue.files.rig_json import parse_json, shown
-from retrue.files.text import read_text
 from retrue.patterns.color_grid import ColorGrid
 from retrue.patterns.gray_code import MAX_PROJECTOR_SIDE, ORDER, GrayCode
 from retrue.patterns.pattern import Pattern

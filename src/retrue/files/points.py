@@ -10,8 +10,7 @@ import numpy as np
 
 from retrue.correspondences import Correspondences
 from retrue.errors import FileError
-from retrue.files.atomic import replaced_file
-from retrue.files.text import read_text
+from retrue.files.atomic import read_text, replaced_file
 from retrue.geometry.arrays import FloatArray
 
 REQUIRED = ("camera_x", "camera_y", "projector_x", "projector_y")

@@ -7,11 +7,10 @@ from pathlib import Path
 import numpy as np
 
 from retrue.errors import FileError, InputError
-from retrue.files.atomic import replaced_file
+from retrue.files.atomic import read_text, replaced_file
 from retrue.files.device_formats import camera_from_mrcal, camera_from_ros, is_mrcal, is_ros, mrcal_text, ros_text
 from retrue.files.rig_json import FORMAT, LONGEST_UNIT, parse_json, rig_from_json, rig_to_json
 from retrue.files.storage import Storage, Syntax, parse_storage, storage_text
-from retrue.files.text import read_text
 from retrue.files.tool_formats import (
     TOOL_FORMATS,
     Role,
