@@ -7,10 +7,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from retrue.experiments.peers import eight_point_poses, longuet_higgins_poses
 from retrue.experiments.study import Cell as Number
 from retrue.experiments.study import Line, Panel, Study, Table
 from retrue.experiments.trials import Progress, run_trials
-from retrue.experiments.two_view_references import eight_point_poses, longuet_higgins_poses
 from retrue.geometry.arrays import FloatArray
 from retrue.geometry.homography import fit_homography, fit_homography_linear
 from retrue.geometry.paper_solver import paper_pose_candidates
