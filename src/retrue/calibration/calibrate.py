@@ -15,12 +15,11 @@ from retrue.calibration.board import Board
 from retrue.calibration.bundle import Adjusted, adjust
 from retrue.calibration.closed_form import first_camera, with_second
 from retrue.calibration.evidence import gather_evidence, rms_px
-from retrue.calibration.fitted_views import fitted_views
 from retrue.calibration.jacobians import Setup
 from retrue.calibration.model_terms import Choice, choose_terms, fit_with_lens, with_honest_covariance
 from retrue.calibration.observations import CornerObservations, View, corner_group, observation_groups
 from retrue.calibration.options import CalibrationOptions
-from retrue.calibration.result import Calibrated, RefusedCalibration
+from retrue.calibration.result import Calibrated, RefusedCalibration, fitted_views
 from retrue.calibration.uncertainty import normal_spread_deg, predicted_error
 from retrue.calibration.views import Capture, LeftOut, Progress, StereoCapture, picture_size, see_views
 from retrue.errors import DegenerateError, InputError

@@ -1,4 +1,4 @@
-"""Named limits of the static calibration."""
+"""What a calibration can be told; apart from it, so that `--help` need not load NumPy."""
 
 from __future__ import annotations
 
