@@ -8,9 +8,10 @@ import numpy as np
 
 from retrue.cad.surfaces import PlaneSurface, SphereSurface, fit_plane, fit_sphere
 from retrue.geometry.arrays import BoolArray, FloatArray, IntArray
+from retrue.geometry.robust import MAD_TO_SIGMA
 from retrue.reconstruction.normals import local_planes
 from retrue.reconstruction.pieces import grown, linked_pieces
-from retrue.reconstruction.surface_grid import MAD_TO_SIGMA, SurfaceGrid, slope_residual, surface_grid
+from retrue.reconstruction.surface_grid import SurfaceGrid, slope_residual, surface_grid
 
 MOST_POINTS = 20_000
 SHARPEST_BEND = np.radians(12.0)  # between neighbours, beyond what the surface bends before and after: a crease,

@@ -15,6 +15,7 @@ from retrue.calibration.observations import CornerObservations, Group
 from retrue.errors import DegenerateError
 from retrue.geometry.arrays import BoolArray, FloatArray
 from retrue.geometry.camera import Camera
+from retrue.geometry.robust import MAD_TO_SIGMA
 from retrue.geometry.transform import RigidTransform, rotation_from_vector
 
 SETTLED = 0.02
@@ -167,7 +168,7 @@ def _cost(
 def _robust_scale(error: FloatArray, group: Group) -> FloatArray:
     """The noise of both coordinates, from the median."""
     size = np.abs(error) / group.sigma[:, None]
-    return np.maximum(np.median(size, axis=0) / 0.6745, 1e-6) if len(size) else np.ones(2)
+    return np.maximum(MAD_TO_SIGMA * np.median(size, axis=0), 1e-6) if len(size) else np.ones(2)
 
 
 class NormalEquations:

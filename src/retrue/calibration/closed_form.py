@@ -23,7 +23,6 @@ cv2 = cast(Any, opencv)  # its stubs leave out half of what is used here
 Size = tuple[int, int]
 FARTHEST_AXIS = 1.0
 """Of the picture's size: few poses suggest principal points anywhere, and a fit does not come back from there."""
-IDENTITY = RigidTransform(np.eye(3), np.zeros(3))
 
 
 def first_camera(views: list[View], size: Size, known: Camera | None) -> Setup:
@@ -31,7 +30,7 @@ def first_camera(views: list[View], size: Size, known: Camera | None) -> Setup:
     homographies = [board_homography(view, 0) for view in views]
     candidates = [known] if known else _cameras(homographies, size)
     setups = [
-        Setup.started((camera,), IDENTITY, poses)
+        Setup.started((camera,), RigidTransform.identity(), poses)
         for camera in candidates
         if (poses := _poses(camera, homographies)) is not None
     ]

@@ -17,6 +17,7 @@ from retrue.calibration.observations import CornerObservations, Group, PlaneObse
 from retrue.geometry.arrays import FloatArray, IntArray
 from retrue.geometry.camera import Camera
 from retrue.geometry.transform import RigidTransform
+from retrue.geometry.triangulation import depths_on_rays
 
 INTRINSICS = ("fx", "fy", "cx", "cy", "k1", "k2", "p1", "p2", "k3")
 BEND = ("xx", "xy", "yy")
@@ -148,13 +149,9 @@ def _through_both(
 
 
 def triangulated(setup: Setup, rays: FloatArray, projector_px: FloatArray) -> FloatArray:
-    """Points (N, 3) on the first device's rays, nearest in angle to where the second sees them."""
-    ray = _homogeneous(rays)
-    seen = setup.devices[1].unproject(projector_px)
-    turned, t = ray @ setup.second_from_first.R.T, setup.second_from_first.t
-    # (depth * turned + t) x seen = 0: two equations in the depth
-    a, b = turned[:, :2] - seen * turned[:, 2:], seen * t[2] - t[:2]
-    return ray * (np.sum(a * b, axis=1) / np.sum(a * a, axis=1))[:, None]
+    """Points (N, 3) on the first device's rays, nearest to where the second sees them."""
+    depths = depths_on_rays(setup.second_from_first, rays, setup.devices[1].unproject(projector_px))
+    return _homogeneous(rays) * depths[:, None]
 
 
 def _through_device(

@@ -18,6 +18,7 @@ from retrue.calibration.detection import BoardCorners
 from retrue.correspondences import Correspondences
 from retrue.errors import InputError
 from retrue.geometry.arrays import BoolArray, FloatArray, IntArray
+from retrue.geometry.robust import MEDIAN_DISTANCE
 
 cv2 = cast(Any, opencv)  # its stubs leave out half of what is used here
 
@@ -112,7 +113,7 @@ class _LocalFits:
         for limit in (8.0, 4.0, 4.0):
             self._fit(camera_px, rest, cells, count)
             error = np.linalg.norm(rest - self._value(camera_px, cells), axis=1)
-            typical = max(float(np.median(error[self.kept])), 1e-6) / 1.1774
+            typical = max(float(np.median(error[self.kept])), 1e-6) / MEDIAN_DISTANCE
             self.kept = error < limit * np.maximum(self.spread[cells], typical)
         self._fit(camera_px, rest, cells, count)
 

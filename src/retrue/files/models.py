@@ -20,7 +20,7 @@ from retrue.files.ply import read_ply
 from retrue.files.ply import write_cloud as write_ply_cloud
 from retrue.files.ply import write_mesh as write_ply_mesh
 from retrue.reconstruction.cloud import Cloud, Mesh
-from retrue.units import metres_per
+from retrue.units import metres_per, millimetres_per
 
 if TYPE_CHECKING:
     from trimesh import PointCloud, Trimesh
@@ -29,7 +29,6 @@ if TYPE_CHECKING:
 CLOUD_ENDINGS = (".ply", ".obj", ".glb")
 MESH_ENDINGS = (".ply", ".obj", ".stl", ".glb")
 GLTF_FROM_CAMERA = np.diag([1.0, -1.0, -1.0, 1.0])
-MM_PER_METRE = 1000.0
 LARGEST_FILE = 2**30  # bytes
 COMMENT_UNIT = re.compile(rb"(?:comment|camera frame,) unit (\S+)")
 GREY = 160
@@ -91,7 +90,7 @@ def _write(path: str | Path, model: PointCloud | Trimesh, unit: str) -> None:
     if ending == ".obj":
         options["header"] = f"retrue, camera frame, unit {' '.join(unit.split())}"
     elif ending == ".stl":
-        model.apply_scale(MM_PER_METRE * metres_per(unit))
+        model.apply_scale(millimetres_per(unit))
     else:
         from trimesh import Scene
 

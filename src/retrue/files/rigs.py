@@ -4,8 +4,6 @@ from __future__ import annotations
 
 from pathlib import Path
 
-import numpy as np
-
 from retrue.errors import FileError, InputError
 from retrue.files.atomic import read_text, replaced_file
 from retrue.files.device_formats import camera_from_mrcal, camera_from_ros, is_mrcal, is_ros, mrcal_text, ros_text
@@ -112,8 +110,7 @@ def _text(rig: Rig, to: str, syntax: Syntax | None) -> tuple[str, tuple[str, ...
         other = "projector" if role == "camera" else "camera"
         if tool == "ros":
             return ros_text(camera, role), (other, "projector_from_camera", "unit", *evidence)
-        identity = RigidTransform(np.eye(3), np.zeros(3))
-        pose = identity if role == "camera" else rig.projector_from_camera
+        pose = RigidTransform.identity() if role == "camera" else rig.projector_from_camera
         return mrcal_text(camera, pose), (other, "unit", *evidence)
     tool = next(tool for tool in TOOL_FORMATS if tool.name == to)
     sizes = (("camera size", tool.camera_size), ("projector size", tool.projector_size))

@@ -124,6 +124,18 @@ class Camera:
         lens = np.stack([np.stack([a, b], axis=-1), np.stack([c, d], axis=-1)], axis=-2)
         return self.K[:2, :2] @ lens
 
+    def frustum(self, depth: float) -> FloatArray:
+        """Corners (4, 3) of the picture at that depth, its outer edge; what the lens model cannot reach, without it.
+
+        >>> Camera((4, 2), [[2, 0, 1.5], [0, 2, 0.5], [0, 0, 1]]).frustum(10.0)[2].tolist()
+        [10.0, 5.0, 10.0]
+        """
+        width, height = self.size
+        corners = np.array([[0, 0], [width, 0], [width, height], [0, height]]) - 0.5
+        rays = self.unproject(corners)
+        rays = np.where(np.isfinite(rays), rays, self.normalise(corners))
+        return np.column_stack([rays, np.ones(4)]) * depth
+
     def contains(self, pixels: ArrayLike, margin: float = 0.5) -> BoolArray:
         """Which pixels (..., 2) lie in the picture; its edge is half a pixel beyond the outer centres."""
         pixels = np.asarray(pixels, dtype=np.float64)

@@ -45,6 +45,15 @@ class RigidTransform:
         object.__setattr__(self, "t", frozen_array(t))
 
     @classmethod
+    def identity(cls) -> RigidTransform:
+        """Of a frame to itself.
+
+        >>> RigidTransform.identity().apply([1.0, 2.0, 3.0]).tolist()
+        [1.0, 2.0, 3.0]
+        """
+        return cls(np.eye(3), np.zeros(3))
+
+    @classmethod
     def from_rotation_vector(cls, rotation_vector: ArrayLike, t: ArrayLike) -> RigidTransform:
         """From axis times angle (3,) in radians and t (3,)."""
         return cls(rotation_from_vector(rotation_vector), finite_array(t, (3,), "translation t"))

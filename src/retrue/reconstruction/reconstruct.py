@@ -12,6 +12,7 @@ from retrue.correspondences import Correspondences
 from retrue.errors import DegenerateError, InputError
 from retrue.geometry.arrays import BoolArray, FloatArray, IntArray
 from retrue.geometry.camera import Camera
+from retrue.geometry.robust import MAD_TO_SIGMA
 from retrue.geometry.triangulation import sampson_distances, triangulate
 from retrue.reconstruction.cloud import Cloud
 from retrue.reconstruction.options import ReconstructOptions
@@ -20,7 +21,6 @@ from retrue.reconstruction.surface_grid import surface_grid
 from retrue.rig import Rig
 
 FINEST_RESIDUAL_PX = 0.01  # rays that pass each other by less than this are no outliers, whatever the rest do
-MAD_TO_SIGMA = 1.4826  # of a normal distribution
 
 
 def reconstruct(rig: Rig, points: Correspondences, options: ReconstructOptions | None = None) -> Cloud:

@@ -13,11 +13,11 @@ import numpy as np
 
 from retrue.errors import InputError
 from retrue.geometry.arrays import BoolArray, FloatArray, IntArray
+from retrue.geometry.robust import MAD_TO_SIGMA
 
 LARGEST_GRID = 200_000_000  # cells; more is a mistake, and would not fit into memory
 NOISE_SIGMAS = 6.0
 SPACING_FRACTION = 0.5  # a kink of this many point spacings in one step, about 27 degrees, is still a surface
-MAD_TO_SIGMA = 1.4826  # of a normal distribution
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -10,11 +10,12 @@ import numpy as np
 
 from retrue.calibration.result import FittedView
 from retrue.geometry.arrays import FloatArray
+from retrue.geometry.transform import RigidTransform
 from retrue.report.figures import harmless, numbers, picture_layout, polyline
 from retrue.report.lengths import LengthUnit, figures
 from retrue.report.page import Chart
 from retrue.report.residual_section import round_factor
-from retrue.report.scene import ORIGIN, Device, outline_trace, scene_chart
+from retrue.report.scene import Device, outline_trace, scene_chart
 from retrue.rig import Rig
 
 ARROW_SHARE = 0.015  # of the picture's width: how long a typical residual is drawn
@@ -26,7 +27,7 @@ def board_scene(views: Sequence[FittedView], rig: Rig | None, unit: LengthUnit) 
     corners = [_outline(view) for view in views]
     devices = (
         [
-            Device("camera", rig.camera, ORIGIN, "var(--camera)"),
+            Device("camera", rig.camera, RigidTransform.identity(), "var(--camera)"),
             Device("projector", rig.projector, rig.projector_from_camera.inverse(), "var(--after)"),
         ]
         if rig is not None

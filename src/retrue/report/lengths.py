@@ -5,7 +5,8 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
-MILLIMETRES = {"mm": 1.0, "cm": 10.0, "m": 1000.0, "um": 0.001, "µm": 0.001, "in": 25.4, "inch": 25.4}
+from retrue.units import METRES, millimetres_per
+
 NAMELESS = frozenset({"", "?", "unit", "units", "unknown", "none"})
 MISSING = "\N{EN DASH}"
 SMALLEST = 1e-9  # shown as zero below
@@ -42,8 +43,8 @@ class LengthUnit:
 def shown_unit(unit: str) -> LengthUnit:
     """Millimetres for every unit of length that we know, else the rig's own."""
     name = unit.strip().lower()
-    if name in MILLIMETRES:
-        return LengthUnit(MILLIMETRES[name], "mm")
+    if name in METRES:
+        return LengthUnit(millimetres_per(name), "mm")
     return LengthUnit(1.0, "rig units" if name in NAMELESS else unit.strip())
 
 

@@ -59,7 +59,7 @@ def cloud_picture(cloud: Cloud, rig: Rig) -> bytes:
         axis.scatter(X[:, 2], X[:, across], c=colors, s=3)
         projector = rig.projector_from_camera.inverse()
         for camera, pose, name, color in (
-            (rig.camera, RigidTransform(np.eye(3), np.zeros(3)), "camera", "tab:blue"),
+            (rig.camera, RigidTransform.identity(), "camera", "tab:blue"),
             (rig.projector, projector, "projector", "tab:orange"),
         ):
             outline = _frustum(camera, pose, FRUSTUM_SHARE * depth)
@@ -76,10 +76,7 @@ def cloud_picture(cloud: Cloud, rig: Rig) -> bytes:
 
 def _frustum(camera: Camera, camera_frame_from_device: RigidTransform, length: float) -> FloatArray:
     """A line (., 3) from the centre through the corners of the picture, in the camera frame."""
-    width, height = camera.size
-    corners = np.array([[0, 0], [width, 0], [width, height], [0, height]]) - 0.5
-    rays = np.column_stack([camera.normalise(corners), np.ones(4)]) * length
-    a, b, c, d = rays
+    a, b, c, d = camera.frustum(length)
     centre = np.zeros(3)
     return camera_frame_from_device.apply(np.array([centre, a, b, centre, c, d, centre, b, c, d, a]))
 

@@ -32,7 +32,6 @@ STRAY_SHARE = 0.005  # of the points, at either end of each axis: strays must no
 NEAR_PLANE = 0.01  # of the distance: what is drawn as lying on it
 EYE = np.array([0.95, -0.75, 0.5])  # in Plotly's axes: x to the right, y away from the camera, z up
 EYE_DISTANCE = 0.85  # of the box's diagonal
-ORIGIN = RigidTransform(np.eye(3), np.zeros(3))
 Trace = dict[str, Any]
 HOW_TO_TURN = "Drag to turn, scroll to zoom; a click on a name hides or shows it."
 NOTHING = Text("Nothing to draw: no point lies in front of both devices.")
@@ -150,10 +149,7 @@ def outline_trace(corners: FloatArray, unit: LengthUnit, name: str, color: str, 
 
 def _outline(device: Device, length: float) -> FloatArray:
     """(5, 3) the centre and the corners of the picture at that depth, in the camera frame."""
-    width, height = device.device.size
-    corners = np.array([[0, 0], [width, 0], [width, height], [0, height]]) - 0.5
-    rays = np.column_stack([device.device.normalise(corners), np.ones(4)]) * length
-    return device.camera_from_device.apply(np.concatenate([np.zeros((1, 3)), rays]))
+    return device.camera_from_device.apply(np.concatenate([np.zeros((1, 3)), device.device.frustum(length)]))
 
 
 def _frustum(device: Device, outline: FloatArray, unit: LengthUnit) -> list[Trace]:
@@ -234,7 +230,7 @@ def rig_scene(rig: Rig, cloud: Cloud | None, unit: LengthUnit, supported: RigidT
     if cloud is None:
         return NOTHING
     devices = [
-        Device("camera", rig.camera, ORIGIN, "var(--camera)"),
+        Device("camera", rig.camera, RigidTransform.identity(), "var(--camera)"),
         Device("projector", rig.projector, rig.projector_from_camera.inverse(), "var(--after)"),
     ]
     if supported is not None:
@@ -251,7 +247,7 @@ def change_scene(
     """Camera, projector before and after, planes, the twin in grey, the cloud."""
     if cloud is None:
         return NOTHING
-    devices = [Device("camera", before.camera, ORIGIN, "var(--camera)")]
+    devices = [Device("camera", before.camera, RigidTransform.identity(), "var(--camera)")]
     old = before.projector_from_camera.inverse()
     devices.append(Device("projector before", before.projector, old, "var(--before)", faint=after is not None))
     traces: list[Trace] = [cloud_trace(cloud, unit, "points")]

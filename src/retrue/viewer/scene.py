@@ -15,7 +15,7 @@ from retrue.geometry.camera import Camera
 from retrue.geometry.transform import RigidTransform
 from retrue.reconstruction.cloud import Cloud, Mesh
 from retrue.rig import Rig
-from retrue.units import metres_per
+from retrue.units import METRES
 from retrue.viewer.contents import Candidate, Contents
 
 MOST_POINTS = 300_000
@@ -120,10 +120,7 @@ def _none_chosen(candidates: Sequence[Candidate]) -> bool:
 
 def _metres(unit: str) -> float:
     """Units that nobody knows are shown as they are."""
-    try:
-        return metres_per(unit)
-    except InputError:
-        return 1.0
+    return METRES.get(unit.strip().lower(), 1.0)
 
 
 def _shape(name: str, model: Cloud | Mesh, notes: list[str]) -> Shape:
@@ -147,8 +144,7 @@ def _middle(shapes: Sequence[Shape], rigs: Sequence[Rig]) -> FloatArray:
 
 
 def _devices(name: str, rig: Rig, reach: float) -> list[Frustum]:
-    identity = RigidTransform(np.eye(3), np.zeros(3))
-    lines = _lines(rig.camera, identity, reach)
+    lines = _lines(rig.camera, RigidTransform.identity(), reach)
     camera = Frustum(f"{name}/camera", lines, CAMERA_COLOR, "camera", lines[0, 0])
     return [camera, _projector(f"{name}/projector", rig, reach, PROJECTOR_COLOR, "projector")]
 
@@ -163,11 +159,7 @@ def _projector(name: str, rig: Rig, reach: float, color: Color, label: str, labe
 
 def _lines(device: Camera, camera_from_device: RigidTransform, reach: float) -> FloatArray:
     """Eight lines (8, 2, 3): four rays of that length in depth, and the sides of the picture there."""
-    width, height = device.size
-    corners = [[-0.5, -0.5], [width - 0.5, -0.5], [width - 0.5, height - 0.5], [-0.5, height - 0.5]]
-    rays = device.unproject(corners)
-    rays = np.where(np.isfinite(rays), rays, device.normalise(corners))
-    far = camera_from_device.apply(np.column_stack([rays, np.ones(4)]) * reach)
+    far = camera_from_device.apply(device.frustum(reach))
     centre = np.tile(camera_from_device.t, (4, 1))
     return np.concatenate([np.stack([centre, far], axis=1), np.stack([far, np.roll(far, -1, axis=0)], axis=1)])
 
