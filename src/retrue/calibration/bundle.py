@@ -10,13 +10,12 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from retrue.calibration.jacobians import OF_VIEW, Setup, linearise
+from retrue.calibration.jacobians import linearise
 from retrue.calibration.observations import CornerObservations, Group
+from retrue.calibration.setup import OF_VIEW, Setup
 from retrue.errors import DegenerateError
 from retrue.geometry.arrays import BoolArray, FloatArray
-from retrue.geometry.camera import Camera
 from retrue.geometry.robust import MAD_TO_SIGMA
-from retrue.geometry.transform import RigidTransform, rotation_from_vector
 
 SETTLED = 0.02
 """Fall of chi-square below which a fit has settled: far less than one sigma of anything."""
@@ -34,13 +33,13 @@ class Adjusted:
     Attributes
     ----------
     setup : the estimate.
-    active : (globals,) which of the columns before those of the view were free.
+    active : (shared,) which of the columns that all views share were free.
     scales : of each group (2,), the noise of both coordinates in units of the observations' own sigma.
     errors : of each group, predicted minus measured pixels (N, 2), as `linearise` gives them.
     weights : of each group (N, 2), robust weights; 1 for what fits.
-    covariance : (free, free) of the free global parameters.
-    normal : (globals, globals) normal matrix of all global parameters, the views' own eliminated.
-    gradient : (globals,) of half the cost, by all global parameters; zero for the free ones.
+    covariance : (free, free) of the free shared parameters.
+    normal : (shared, shared) normal matrix of all shared parameters, the views' own eliminated.
+    gradient : (shared,) of half the cost, by all shared parameters; zero for the free ones.
     """
 
     setup: Setup
@@ -108,7 +107,7 @@ def _minimise(
     for _ in range(50):
         equations = NormalEquations(setup, groups, linearised, active, scales, robust)
         while damping < 1e12:
-            if (candidate := moved(setup, *equations.step(damping))) is not None:
+            if (candidate := setup.moved(*equations.step(damping))) is not None:
                 there = _linearised(candidate, groups)
                 new_cost = _cost(candidate, groups, there, scales, robust)
                 if new_cost < cost:
@@ -125,31 +124,6 @@ def _minimise(
 
 def _linearised(setup: Setup, groups: tuple[Group, ...]) -> Linearised:
     return tuple(linearise(setup, group) for group in groups)
-
-
-def moved(setup: Setup, change: FloatArray, boards: FloatArray) -> Setup | None:
-    """The setup after a step; None where it is none (a focal length below zero)."""
-    devices: list[Camera] = []
-    for index, camera in enumerate(setup.devices):
-        own = change[9 * index : 9 * index + 9]
-        if not own.any():
-            devices.append(camera)
-            continue
-        K, distortion = camera.K.copy(), camera.distortion.copy()
-        K[[0, 1, 0, 1], [0, 1, 2, 2]] += own[:4]
-        distortion[:5] += own[4:]
-        if not (K[0, 0] > 0 and K[1, 1] > 0 and np.isfinite(K).all() and np.isfinite(distortion).all()):
-            return None
-        devices.append(Camera(camera.size, K, distortion))
-    second = setup.second_from_first
-    if len(devices) == 2:
-        second = _turned(second, change[18:24])
-    first_from_board = tuple(_turned(pose, own) for pose, own in zip(setup.first_from_board, boards, strict=True))
-    return Setup(tuple(devices), second, first_from_board, setup.bend + change[-3:], setup.shifts + boards[:, 6:])
-
-
-def _turned(pose: RigidTransform, change: FloatArray) -> RigidTransform:
-    return RigidTransform(rotation_from_vector(change[:3]) @ pose.R, pose.t + change[3:6])
 
 
 def _cost(
@@ -172,7 +146,7 @@ def _robust_scale(error: FloatArray, group: Group) -> FloatArray:
 
 
 class NormalEquations:
-    """The normal equations at one point: of each group and view, (globals + OF_VIEW) square."""
+    """The normal equations at one point: of each group and view, `Columns.all` square."""
 
     def __init__(
         self,
@@ -183,7 +157,7 @@ class NormalEquations:
         scales: tuple[FloatArray, ...],
         robust: bool,
     ) -> None:
-        views, columns = len(setup.first_from_board), setup.globals + OF_VIEW
+        views, columns = len(setup.first_from_board), setup.columns.all
         self.active, self.scales = active, scales
         self.groups = groups
         self.errors: list[FloatArray] = []
@@ -206,11 +180,12 @@ class NormalEquations:
         self.total = np.asarray(self.matrices.sum(axis=(0, 1)), dtype=np.float64)
         """(views, columns, columns) of all groups together, and of what is known of the shifts beforehand."""
         precision = shift_precision(robust)
-        self.total[:, [-2, -1], [-2, -1]] += precision
-        self.vectors[:, -2:] += precision * setup.shifts
+        shift = np.arange(columns)[setup.columns.shift]
+        self.total[:, shift, shift] += precision
+        self.vectors[:, shift] += precision * setup.shifts
 
     def reduced(self, active: BoolArray, damping: float = 0.0) -> tuple[FloatArray, FloatArray]:
-        """Normal matrix and gradient of the global columns, the boards eliminated."""
+        """Normal matrix and gradient of the shared columns, the boards eliminated."""
         columns = np.flatnonzero(active)
         boards = _damped(self.total[:, -OF_VIEW:, -OF_VIEW:], damping)
         across = self.total[:, :-OF_VIEW, -OF_VIEW:][:, columns]
@@ -223,7 +198,7 @@ class NormalEquations:
         return matrix, vector
 
     def step(self, damping: float) -> tuple[FloatArray, FloatArray]:
-        """The change of all global columns, and of each view's own (views, OF_VIEW)."""
+        """The change of all shared columns, and of each view's own (views, OF_VIEW)."""
         change = np.zeros(len(self.active))
         if self.active.any():
             matrix, vector = self.reduced(self.active, damping)

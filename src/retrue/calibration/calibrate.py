@@ -15,11 +15,11 @@ from retrue.calibration.board import Board
 from retrue.calibration.bundle import Adjusted, adjust
 from retrue.calibration.closed_form import first_camera, with_second
 from retrue.calibration.evidence import gather_evidence, rms_px
-from retrue.calibration.jacobians import Setup
 from retrue.calibration.model_terms import Choice, choose_terms, fit_with_lens, with_honest_covariance
 from retrue.calibration.observations import CornerObservations, View, corner_group, observation_groups
 from retrue.calibration.options import CalibrationOptions
 from retrue.calibration.result import Calibrated, RefusedCalibration, fitted_views
+from retrue.calibration.setup import Setup
 from retrue.calibration.uncertainty import normal_spread_deg, predicted_error
 from retrue.calibration.views import Capture, LeftOut, Progress, StereoCapture, picture_size, see_views
 from retrue.errors import DegenerateError, InputError
@@ -123,9 +123,10 @@ def _solve(
 def start(views: list[View], sizes: Sizes, known: Known) -> Setup:
     """Closed form for the camera, refined by itself, then closed form for the second device."""
     setup = first_camera(views, sizes[0], known[0])
-    for columns in ([0, 1, 4], [0, 1, 2, 3, 4]):  # the principal point last: without k1, a lens drives it away
-        active = np.zeros(setup.globals, dtype=bool)
-        active[columns] = known[0] is None
+    # The principal point last: without k1, a lens drives it away.
+    for free in (("fx", "fy", "k1"), ("fx", "fy", "cx", "cy", "k1")):
+        active = np.zeros(setup.columns.shared, dtype=bool)
+        active[[setup.columns.intrinsic(0, name) for name in free]] = known[0] is None
         setup = adjust(setup, (corner_group(views, 0),), active).setup
     return with_second(setup, views, sizes[1], known[1])
 

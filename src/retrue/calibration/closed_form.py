@@ -11,8 +11,9 @@ from typing import Any, cast
 import cv2 as opencv
 import numpy as np
 
-from retrue.calibration.jacobians import Setup, residuals
+from retrue.calibration.jacobians import residuals
 from retrue.calibration.observations import View, corner_group
+from retrue.calibration.setup import Setup
 from retrue.errors import DegenerateError, InputError
 from retrue.geometry.arrays import FloatArray
 from retrue.geometry.camera import Camera

@@ -7,8 +7,8 @@ from typing import Any
 
 import numpy as np
 
-from retrue.calibration.jacobians import INTRINSICS
 from retrue.calibration.result import Calibrated, FittedView, RefusedCalibration
+from retrue.calibration.setup import INTRINSICS
 from retrue.geometry.camera import Camera
 from retrue.geometry.transform import vector_from_rotation
 from retrue.report.calibration_charts import board_scene, coverage_chart, residuals_per_view, view_names
