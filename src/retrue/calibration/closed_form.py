@@ -6,9 +6,7 @@ For a plane with homography H = K [r1 r2 t] and w = K^-T K^-1: h1' w h2 = 0 and 
 from __future__ import annotations
 
 from collections.abc import Iterator
-from typing import Any, cast
 
-import cv2 as opencv
 import numpy as np
 
 from retrue.calibration.jacobians import residuals
@@ -17,9 +15,8 @@ from retrue.calibration.setup import Setup
 from retrue.errors import DegenerateError, InputError
 from retrue.geometry.arrays import FloatArray
 from retrue.geometry.camera import Camera
+from retrue.geometry.homography import fit_homography
 from retrue.geometry.transform import RigidTransform, nearest_rotation
-
-cv2 = cast(Any, opencv)  # its stubs leave out half of what is used here
 
 Size = tuple[int, int]
 FARTHEST_AXIS = 1.0
@@ -63,10 +60,10 @@ def board_homography(view: View, device: int) -> FloatArray:
     seen = view.seen(device)
     if len(seen) < 4:
         raise DegenerateError(f"{view.name}: expected at least four corners, found {len(seen)}")
-    homography, _ = cv2.findHomography(view.board_xy[seen], view.pixels[device][seen])
-    if homography is None or not abs(np.linalg.det(homography)) > 0:
-        raise DegenerateError(f"{view.name}: the board's corners lie on a line")
-    return homography
+    try:
+        return fit_homography(view.board_xy[seen], view.pixels[device][seen], source_sigma=0.0)
+    except DegenerateError as error:
+        raise DegenerateError(f"{view.name}: the board's corners lie on a line") from error
 
 
 def _cameras(homographies: list[FloatArray], size: Size) -> list[Camera]:

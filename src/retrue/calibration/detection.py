@@ -9,8 +9,9 @@ from typing import Any
 import numpy as np
 
 from retrue.calibration.board import Board
-from retrue.errors import InputError
+from retrue.errors import DegenerateError, InputError
 from retrue.geometry.arrays import FloatArray, Image
+from retrue.geometry.homography import apply_homography, fit_homography
 
 LARGE_PICTURE = 1000  # pixels: a board in it is also found in half of them
 SMALLEST_PART = 12  # corners of a chessboard that is only partly seen: fewer are as likely clutter
@@ -144,11 +145,11 @@ def _fits(grid: tuple[int, int], size: tuple[int, int]) -> bool:
 
 def _is_flat(board_xy: FloatArray, pixels: FloatArray) -> bool:
     """Whether a homography explains the corners: clutter that looks like a chessboard does not."""
-    cv2 = opencv()
-    homography, _ = cv2.findHomography(board_xy, pixels)
-    if homography is None:
+    try:
+        homography = fit_homography(board_xy, pixels, source_sigma=0.0)
+    except DegenerateError:
         return False
-    mapped = cv2.perspectiveTransform(board_xy.reshape(-1, 1, 2), homography).reshape(-1, 2)
+    mapped = apply_homography(homography, board_xy)
     step = np.linalg.norm(np.diff(pixels, axis=0), axis=1).min()
     return bool(np.abs(mapped - pixels).max() < 0.1 * step)
 
