@@ -11,11 +11,10 @@ from retrue.geometry.arrays import BoolArray, FloatArray, IntArray
 from retrue.geometry.robust import MAD_TO_SIGMA
 from retrue.reconstruction.normals import local_planes
 from retrue.reconstruction.pieces import grown, linked_pieces
-from retrue.reconstruction.surface_grid import SurfaceGrid, slope_residual, surface_grid
+from retrue.reconstruction.surface_grid import NOISE_SIGMAS, SurfaceGrid, slope_residual, surface_grid
 
-MOST_POINTS = 20_000
-SHARPEST_BEND = np.radians(12.0)  # between neighbours, beyond what the surface bends before and after: a crease,
-NOISE_SIGMAS = 6.0  # unless the noise of the normals explains it
+MOST_THIN_POINTS = 20_000
+SHARPEST_BEND = np.radians(12.0)  # between neighbours, beyond what the surface bends before and after: a crease
 FEWEST_POINTS = 12  # of a patch
 DRAWS = 150  # of random minimal samples; with half of the points on the surface four are all on it in one of 16
 LARGEST_SAMPLE = 2_000  # points that a draw is scored on
@@ -52,7 +51,7 @@ class ThinGrid:
 
 def thin_grid(points: FloatArray, cells: IntArray) -> ThinGrid:
     """The thinned grid of points (N, 3) in cells (N, 2)."""
-    block = max(1, int(np.ceil(np.sqrt(len(points) / MOST_POINTS))))
+    block = max(1, int(np.ceil(np.sqrt(len(points) / MOST_THIN_POINTS))))
     cells = cells - cells.min(axis=0)
     planes = local_planes(points, surface_grid(points, cells))
     usable = np.flatnonzero(np.isfinite(planes).all(axis=1))

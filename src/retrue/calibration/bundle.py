@@ -17,7 +17,7 @@ from retrue.errors import DegenerateError
 from retrue.geometry.arrays import BoolArray, FloatArray
 from retrue.geometry.robust import MAD_TO_SIGMA
 
-SETTLED = 0.02
+SETTLED_FALL = 0.02
 """Fall of chi-square below which a fit has settled: far less than one sigma of anything."""
 HUBER = 3.0
 """Residuals beyond that many sigmas count linearly, not squared: Gaussian ones are hardly touched."""
@@ -116,7 +116,7 @@ def _minimise(
             damping *= 10
         else:
             return setup, linearised
-        if cost - new_cost < (SETTLED if robust else 1e-12 * cost):
+        if cost - new_cost < (SETTLED_FALL if robust else 1e-12 * cost):
             return setup, linearised
         cost = new_cost
     return setup, linearised

@@ -22,7 +22,7 @@ from retrue.geometry.robust import MEDIAN_DISTANCE
 FEWEST_IN_CELL = 8
 LARGEST_CELL = 4  # squares on a side
 WORST_CORNER_PX = 0.5  # sigma beyond which a corner tells nothing that its neighbours do not tell better
-MOST_POINTS = 25_000  # of a view: neighbours share stripe edges, so that more tell nothing new
+MOST_DECODED = 25_000  # of a view: neighbours share stripe edges, so that more tell nothing new
 MODEL_PX = 0.01  # what an affine map of a cell, and the decoder's own bias, may leave beyond the scatter
 KEPT_SCENE_POINTS = 120  # of a view, around the board
 KEPT_DENSE_POINTS = 4000  # of a view, to judge by
@@ -156,8 +156,8 @@ class _LocalFits:
 
 
 def _every_nth(camera_px: FloatArray) -> IntArray:
-    """Points of every n-th row and column, so that about `MOST_POINTS` remain."""
-    every = int(np.ceil(np.sqrt(max(len(camera_px), 1) / MOST_POINTS)))
+    """Points of every n-th row and column, so that about `MOST_DECODED` remain."""
+    every = int(np.ceil(np.sqrt(max(len(camera_px), 1) / MOST_DECODED)))
     return np.flatnonzero(((camera_px + 0.5).astype(np.int32) % every == 0).all(axis=1))
 
 

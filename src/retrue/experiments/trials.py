@@ -14,7 +14,7 @@ from retrue.geometry.arrays import FloatArray
 from retrue.geometry.compiled import load_kernels
 
 C = TypeVar("C")
-CHUNK = 50  # trials that share one random stream
+TRIALS_A_STREAM = 50  # trials that share one random stream
 
 Trial = Callable[[C, np.random.Generator], FloatArray]
 Progress = Callable[[int, int], None]
@@ -38,10 +38,10 @@ def run_trials(
     workers : processes; all cores if None, this process alone if 1.
     progress : called with the number of chunks done and in all.
     """
-    chunks = -(-trials // CHUNK)
+    chunks = -(-trials // TRIALS_A_STREAM)
     streams = np.random.SeedSequence(seed).spawn(len(cells) * chunks)
     jobs = [
-        (trial, cell, min(CHUNK, trials - CHUNK * k), streams[index * chunks + k])
+        (trial, cell, min(TRIALS_A_STREAM, trials - TRIALS_A_STREAM * k), streams[index * chunks + k])
         for index, cell in enumerate(cells)
         for k in range(chunks)
     ]

@@ -7,7 +7,7 @@ from pathlib import Path
 from retrue.errors import FileError, InputError
 from retrue.files.atomic import read_text, replaced_file
 from retrue.files.device_formats import camera_from_mrcal, camera_from_ros, is_mrcal, is_ros, mrcal_text, ros_text
-from retrue.files.rig_json import FORMAT, LONGEST_UNIT, parse_json, rig_from_json, rig_to_json
+from retrue.files.rig_json import LONGEST_UNIT, RIG_FORMAT, parse_json, rig_from_json, rig_to_json
 from retrue.files.storage import Storage, Syntax, parse_storage, storage_text
 from retrue.files.tool_formats import (
     TOOL_FORMATS,
@@ -94,7 +94,7 @@ def _content(path: Path) -> Rig | Camera | Storage:
     text = read_text(path, LARGEST_RIG_FILE)
     if is_mrcal(text):
         return camera_from_mrcal(path, text)
-    if text.lstrip().startswith("{") and (document := parse_json(path, text)).get("format") == FORMAT:
+    if text.lstrip().startswith("{") and (document := parse_json(path, text)).get("format") == RIG_FORMAT:
         return rig_from_json(path, document)
     storage = parse_storage(path, text)
     return camera_from_ros(storage) if is_ros(storage) else storage

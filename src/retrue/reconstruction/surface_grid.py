@@ -16,7 +16,7 @@ from retrue.geometry.arrays import BoolArray, FloatArray, IntArray
 from retrue.geometry.robust import MAD_TO_SIGMA
 
 LARGEST_GRID = 200_000_000  # cells; more is a mistake, and would not fit into memory
-NOISE_SIGMAS = 6.0
+NOISE_SIGMAS = 6.0  # what exceeds so many robust sigmas is not noise
 SPACING_FRACTION = 0.5  # a kink of this many point spacings in one step, about 27 degrees, is still a surface
 
 

@@ -18,7 +18,7 @@ from retrue.report.residual_section import round_factor
 from retrue.report.scene import Device, outline_trace, scene_chart
 from retrue.rig import Rig
 
-ARROW_SHARE = 0.015  # of the picture's width: how long a typical residual is drawn
+CORNER_ARROW_SHARE = 0.015  # of the picture's width: how long a typical residual is drawn
 VIEW_COLORS = ("#4c94e0", "#df8440", "#3aa876", "#b96bd0", "#cf9d1c", "#dc625c", "#4bafbd", "#8f84e8")
 
 
@@ -50,7 +50,7 @@ def board_scene(views: Sequence[FittedView], rig: Rig | None, unit: LengthUnit) 
 def coverage_chart(views: Sequence[FittedView], device: int, size: tuple[int, int], name: str) -> Chart:
     """The corners in the picture of one device, colored by view, with lengthened residuals."""
     errors = np.concatenate([view.errors[device] for view in views])
-    factor = round_factor(np.linalg.norm(errors, axis=1), ARROW_SHARE * size[0])
+    factor = round_factor(np.linalg.norm(errors, axis=1), CORNER_ARROW_SHARE * size[0])
     traces: list[dict[str, Any]] = []
     for index, (view, label) in enumerate(zip(views, view_names(views), strict=True)):
         start, error = view.pixels[device], view.errors[device]

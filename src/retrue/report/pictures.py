@@ -14,6 +14,7 @@ from retrue.geometry.arrays import FloatArray, Image
 from retrue.geometry.camera import Camera
 from retrue.geometry.transform import RigidTransform
 from retrue.reconstruction.cloud import Cloud
+from retrue.report.scene import FRUSTUM_SHARE
 from retrue.rig import Rig
 from retrue.rig_difference import RigDifference
 
@@ -21,8 +22,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 
-MOST_POINTS = 20_000  # drawn; more only blacken the picture
-FRUSTUM_SHARE = 0.15  # of the distance to the scene, so that a device is seen but hides nothing
+MOST_SCATTERED = 20_000  # drawn; more only blacken the picture
 
 
 def residual_picture(image: Image, points: Correspondences, residuals: Sequence[tuple[str, FloatArray]]) -> bytes:
@@ -83,7 +83,7 @@ def _frustum(camera: Camera, camera_frame_from_device: RigidTransform, length: f
 
 def _spread(count: int) -> slice:
     """So many rows evenly spread that a picture can show them."""
-    return slice(None, None, max(1, count // MOST_POINTS))
+    return slice(None, None, max(1, count // MOST_SCATTERED))
 
 
 def blank_figure(width: float, height: float) -> Figure:

@@ -22,7 +22,7 @@ from retrue.rig import Rig
 
 MOST_CAPTURES = 6  # drawn; all are counted
 COLORS = ("var(--after)", "var(--before)")
-MOST_POINTS = 4000  # drawn in a picture; more only hide it
+MOST_OVER_PHOTOGRAPH = 4000  # drawn in a picture; more only hide it
 MOST_ARROWS = 500
 PALE = 0.45  # opacity of a photograph behind points: its own colors must not be taken for theirs
 ARROW_SHARE = 0.02  # of the picture's width: how long a typical residual is drawn
@@ -76,7 +76,7 @@ def median_residual(rig: Rig, captures: Sequence[SeenCapture]) -> float:
 def point_picture(rig: Rig, capture: SeenCapture) -> Chart:
     """The photograph with every decoded point (thinned), colored by its residual; one scale for all pages."""
     residual = np.abs(epipolar_residuals(rig, capture.points))
-    rows = every(len(residual), MOST_POINTS)
+    rows = every(len(residual), MOST_OVER_PHOTOGRAPH)
     x, y = capture.points.camera_px[rows].T
     low, high = (math.log10(limit) for limit in COLOR_LIMITS_PX)
     ticks = _decades(*COLOR_LIMITS_PX)

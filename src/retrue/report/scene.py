@@ -26,7 +26,7 @@ from retrue.report.page import Block, Chart, Text
 from retrue.report.seen import SeenCapture
 from retrue.rig import Rig
 
-MOST_POINTS = 8000
+MOST_IN_SPACE = 8000
 FRUSTUM_SHARE = 0.16  # of the distance to the scene, so that a device is seen but hides nothing
 STRAY_SHARE = 0.005  # of the points, at either end of each axis: strays must not shrink the rest
 NEAR_PLANE = 0.01  # of the distance: what is drawn as lying on it
@@ -34,7 +34,7 @@ EYE = np.array([0.95, -0.75, 0.5])  # in Plotly's axes: x to the right, y away f
 EYE_DISTANCE = 0.85  # of the box's diagonal
 Trace = dict[str, Any]
 HOW_TO_TURN = "Drag to turn, scroll to zoom; a click on a name hides or shows it."
-NOTHING = Text("Nothing to draw: no point lies in front of both devices.")
+NOTHING_TO_DRAW = Text("Nothing to draw: no point lies in front of both devices.")
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -89,7 +89,7 @@ def scene_chart(
 
 def cloud_trace(cloud: Cloud, unit: LengthUnit, name: str, *, color: str | None = None, shown: bool = True) -> Trace:
     """The points (thinned) in the colors of the capture, or all in one; where there are no colors, by depth."""
-    rows = every(len(cloud), MOST_POINTS)
+    rows = every(len(cloud), MOST_IN_SPACE)
     colors = cloud.colors[rows]
     marker: dict[str, Any] = {"size": 2.2, "line": {"width": 0}}
     if color is not None:
@@ -228,7 +228,7 @@ def cloud_of(rig: Rig, captures: Sequence[SeenCapture]) -> Cloud | None:
 def rig_scene(rig: Rig, cloud: Cloud | None, unit: LengthUnit, supported: RigidTransform | None = None) -> Block:
     """Both devices as the rig says, and the cloud; beside them, where a capture has the projector."""
     if cloud is None:
-        return NOTHING
+        return NOTHING_TO_DRAW
     devices = [
         Device("camera", rig.camera, RigidTransform.identity(), "var(--camera)"),
         Device("projector", rig.projector, rig.projector_from_camera.inverse(), "var(--after)"),
@@ -246,7 +246,7 @@ def change_scene(
 ) -> Block:
     """Camera, projector before and after, planes, the twin in grey, the cloud."""
     if cloud is None:
-        return NOTHING
+        return NOTHING_TO_DRAW
     devices = [Device("camera", before.camera, RigidTransform.identity(), "var(--camera)")]
     old = before.projector_from_camera.inverse()
     devices.append(Device("projector before", before.projector, old, "var(--before)", faint=after is not None))

@@ -12,8 +12,8 @@ from retrue.geometry.transform import RigidTransform
 from retrue.simulation.mitsuba_scene import load_mitsuba
 from retrue.simulation.mitsuba_stage import HERE, Stage
 from retrue.simulation.mitsuba_views import FINEST, covering_pinhole, sensor
+from retrue.simulation.scene import NOTHING
 
-NOTHING = -1
 SAME_POINT = 1e-3  # of the depth: two rays that end nearer than this to each other hit one point
 
 

@@ -18,14 +18,14 @@ from retrue.rig import Rig
 from retrue.units import METRES
 from retrue.viewer.contents import Candidate, Contents
 
-MOST_POINTS = 300_000
+MOST_SHOWN = 300_000
 MOST_FACES = 800_000
 MOST_ENTRIES = 200  # of a history
 CAMERA_COLOR = (30, 120, 220)
 PROJECTOR_COLOR = (230, 120, 20)
 TWIN_COLOR = (150, 150, 150)
 HISTORY_COLOR = (130, 60, 180)
-REACH = 0.35  # of the way to the middle of the scene that a frustum is drawn
+FRUSTUM_REACH = 0.35  # of the way to the middle of the scene that a frustum is drawn
 NEAR_BASELINES = 2.0  # the middle, in lengths of t, where nothing is there to see
 
 Color = tuple[int, int, int]
@@ -90,7 +90,7 @@ def make_scene(contents: Contents) -> Scene:
     shapes = tuple(_shape(name, model, notes) for name, model in contents.models.items())
     rigs = {name: rig for name, (rig, _) in contents.rigs.items()}
     middle = _middle(shapes, list(rigs.values()))
-    reach = REACH * float(np.linalg.norm(middle))
+    reach = FRUSTUM_REACH * float(np.linalg.norm(middle))
     frusta = [frustum for name, rig in rigs.items() for frustum in _devices(name, rig, reach)]
     if contents.candidates and not rigs:
         raise InputError("candidates need the rig that they are poses of: give its file too")
@@ -129,7 +129,7 @@ def _shape(name: str, model: Cloud | Mesh, notes: list[str]) -> Shape:
         return Shape(name, points, colors, model.faces)
     if isinstance(model, Mesh):
         notes.append(f"{name}: {len(model.faces)} faces are too many for a browser; shown as points")
-    step = -(-len(points) // MOST_POINTS)
+    step = -(-len(points) // MOST_SHOWN)
     if step > 1:
         notes.append(f"{name}: thinned to {len(points[::step])} of {len(points)} points")
     return Shape(name, points[::step], colors[::step])
