@@ -14,6 +14,7 @@ from retrue.geometry.arrays import FloatArray, Image
 from retrue.geometry.camera import Camera
 from retrue.geometry.transform import RigidTransform
 from retrue.reconstruction.cloud import Cloud
+from retrue.report.figures import every
 from retrue.report.scene import FRUSTUM_SHARE
 from retrue.rig import Rig
 from retrue.rig_difference import RigDifference
@@ -33,7 +34,7 @@ def residual_picture(image: Image, points: Correspondences, residuals: Sequence[
     from matplotlib.colors import LogNorm
 
     figure = blank_figure(6.4 * len(residuals), 5.2)
-    rows = _spread(len(points))
+    rows = every(len(points), MOST_SCATTERED)
     photograph = image / np.iinfo(image.dtype).max
     drawn: Any = None
     axes: Any = figure.subplots(1, len(residuals), squeeze=False)[0]
@@ -51,8 +52,8 @@ def residual_picture(image: Image, points: Correspondences, residuals: Sequence[
 def cloud_picture(cloud: Cloud, rig: Rig) -> bytes:
     """The cloud from above and from the side, with the camera and the projector that made it."""
     figure = blank_figure(12.0, 5.2)
-    X = cloud.points[_spread(len(cloud))]
-    colors = cloud.colors[_spread(len(cloud))] / 255
+    rows = every(len(cloud), MOST_SCATTERED)
+    X, colors = cloud.points[rows], cloud.colors[rows] / 255
     depth = float(np.median(X[:, 2]))
     axes: Any = figure.subplots(1, 2)
     for axis, across, title in ((axes[0], 0, "from above"), (axes[1], 1, "from the side")):
@@ -79,11 +80,6 @@ def _frustum(camera: Camera, camera_frame_from_device: RigidTransform, length: f
     a, b, c, d = camera.frustum(length)
     centre = np.zeros(3)
     return camera_frame_from_device.apply(np.array([centre, a, b, centre, c, d, centre, b, c, d, a]))
-
-
-def _spread(count: int) -> slice:
-    """So many rows evenly spread that a picture can show them."""
-    return slice(None, None, max(1, count // MOST_SCATTERED))
 
 
 def blank_figure(width: float, height: float) -> Figure:
