@@ -27,6 +27,15 @@ Linearised = tuple[tuple[FloatArray, FloatArray], ...]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
+class Problem:
+    """What is fitted: which groups, by which of the shared columns, and whether large residuals count less."""
+
+    groups: tuple[Group, ...]
+    active: BoolArray
+    robust: bool
+
+
+@dataclass(frozen=True, slots=True, eq=False)
 class Adjusted:
     """The best fit.
 
@@ -68,6 +77,7 @@ def adjust(
     """
     if not robust:
         groups = tuple(replace(group, sigma=np.ones(len(group.sigma))) for group in groups)
+    problem = Problem(groups, active, robust)
     linearised = _linearised(setup, groups)
     if not all(np.isfinite(error).all() for error, _ in linearised):
         raise DegenerateError("calibration: the starting point puts part of the board behind a device")
@@ -76,14 +86,14 @@ def adjust(
         pairs = zip(linearised, groups, strict=True)
         scales = tuple(_robust_scale(error, group) if robust else np.ones(2) for (error, _), group in pairs)
     for _ in range(rounds):
-        setup, linearised = _minimise(setup, groups, linearised, active, scales, robust)
-        before, scales = scales, NormalEquations(setup, groups, linearised, active, scales, robust).rescaled()
+        setup, linearised = _minimise(setup, problem, linearised, scales)
+        before, scales = scales, NormalEquations(setup, problem, linearised, scales).rescaled()
         if not robust:
             common = float(np.sqrt(np.mean(np.concatenate(scales) ** 2)))
             scales = tuple([np.full(2, common) for _ in groups])
         if np.allclose(np.concatenate(scales), np.concatenate(before), rtol=0.05):
             break
-    equations = NormalEquations(setup, groups, linearised, active, scales, robust)
+    equations = NormalEquations(setup, problem, linearised, scales)
     return Adjusted(
         setup,
         active,
@@ -96,27 +106,22 @@ def adjust(
 
 
 def _minimise(
-    setup: Setup,
-    groups: tuple[Group, ...],
-    linearised: Linearised,
-    active: BoolArray,
-    scales: tuple[FloatArray, ...],
-    robust: bool,
+    setup: Setup, problem: Problem, linearised: Linearised, scales: tuple[FloatArray, ...]
 ) -> tuple[Setup, Linearised]:
-    damping, cost = 1e-10, _cost(setup, groups, linearised, scales, robust)
+    damping, cost = 1e-10, _cost(setup, problem, linearised, scales)
     for _ in range(50):
-        equations = NormalEquations(setup, groups, linearised, active, scales, robust)
+        equations = NormalEquations(setup, problem, linearised, scales)
         while damping < 1e12:
             if (candidate := setup.moved(*equations.step(damping))) is not None:
-                there = _linearised(candidate, groups)
-                new_cost = _cost(candidate, groups, there, scales, robust)
+                there = _linearised(candidate, problem.groups)
+                new_cost = _cost(candidate, problem, there, scales)
                 if new_cost < cost:
                     setup, linearised, damping = candidate, there, max(damping / 10, 1e-12)
                     break
             damping *= 10
         else:
             return setup, linearised
-        if cost - new_cost < (SETTLED_FALL if robust else 1e-12 * cost):
+        if cost - new_cost < (SETTLED_FALL if problem.robust else 1e-12 * cost):
             return setup, linearised
         cost = new_cost
     return setup, linearised
@@ -126,15 +131,13 @@ def _linearised(setup: Setup, groups: tuple[Group, ...]) -> Linearised:
     return tuple(linearise(setup, group) for group in groups)
 
 
-def _cost(
-    setup: Setup, groups: tuple[Group, ...], linearised: Linearised, scales: tuple[FloatArray, ...], robust: bool
-) -> float:
-    total = float(shift_precision(robust) * np.sum(setup.shifts**2))
-    for group, scale, (error, _) in zip(groups, scales, linearised, strict=True):
+def _cost(setup: Setup, problem: Problem, linearised: Linearised, scales: tuple[FloatArray, ...]) -> float:
+    total = float(shift_precision(problem.robust) * np.sum(setup.shifts**2))
+    for group, scale, (error, _) in zip(problem.groups, scales, linearised, strict=True):
         size = size_in_sigmas(error, group, scale)
         if not np.isfinite(size).all():
             return np.inf
-        loss = np.where(size > HUBER, HUBER * (2 * size - HUBER), size**2) if robust else size**2
+        loss = np.where(size > HUBER, HUBER * (2 * size - HUBER), size**2) if problem.robust else size**2
         total += float(loss.sum())
     return total
 
@@ -148,18 +151,10 @@ def _robust_scale(error: FloatArray, group: Group) -> FloatArray:
 class NormalEquations:
     """The normal equations at one point: of each group and view, `Columns.all` square."""
 
-    def __init__(
-        self,
-        setup: Setup,
-        groups: tuple[Group, ...],
-        linearised: Linearised,
-        active: BoolArray,
-        scales: tuple[FloatArray, ...],
-        robust: bool,
-    ) -> None:
+    def __init__(self, setup: Setup, problem: Problem, linearised: Linearised, scales: tuple[FloatArray, ...]) -> None:
+        groups, robust = problem.groups, problem.robust
         views, columns = len(setup.first_from_board), setup.columns.all
-        self.active, self.scales = active, scales
-        self.groups = groups
+        self.groups, self.active, self.scales = groups, problem.active, scales
         self.errors: list[FloatArray] = []
         self.weights: list[FloatArray] = []
         self.matrices = np.zeros((len(groups), 2, views, columns, columns))
