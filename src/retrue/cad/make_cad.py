@@ -34,15 +34,13 @@ def make_cad(cloud: Cloud, options: CadOptions | None = None) -> CadModel:
 
     Raises
     ------
-    InputError : the points have no grid, or the tolerance is not positive.
+    InputError : the points have no grid.
     DegenerateError : the noise cannot be told and no tolerance is given, or there is no smooth region.
     """
     options = options or CadOptions()
     wanted = options.cad_tolerance
     if cloud.cells is None:
         raise InputError("cad: expected points of a capture with a grid, found scattered ones; decode a picture")
-    if wanted is not None and not (0 < wanted < np.inf):
-        raise InputError(f"cad_tolerance: expected a positive length, found {wanted}")
     noise_w = resolution(cloud.points, surface_grid(cloud.points, cloud.cells)).noise_w
     if wanted is None and not noise_w >= 0:
         raise DegenerateError("cad: too few neighbours to tell the noise of the points; give --cad-tolerance")

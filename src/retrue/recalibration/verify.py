@@ -23,6 +23,7 @@ from retrue.geometry.two_view import (
     epipolar_residuals,
     tangent_basis,
 )
+from retrue.ranges import check_ranges, ranged
 from retrue.recalibration.estimate import Estimate, estimate_pose
 from retrue.recalibration.evidence import change, rms, sigma_at, working_distance
 from retrue.recalibration.fit import PoseFit, picture_blocks, refine
@@ -55,12 +56,15 @@ class VerifyOptions:
         Limits of the estimate itself.
     """
 
-    false_alarms: float = 1e-3
-    rig_sigma_rotation_deg: float = 0.02
-    rig_sigma_translation_deg: float = 0.05
-    max_sigma_rotation_deg: float = 0.25
-    max_sigma_translation_deg: float = 1.5
+    false_alarms: float = ranged(1e-3, 0, 1)
+    rig_sigma_rotation_deg: float = ranged(0.02, 0, 180)
+    rig_sigma_translation_deg: float = ranged(0.05, 0, 180)
+    max_sigma_rotation_deg: float = ranged(0.25, 0, 180)
+    max_sigma_translation_deg: float = ranged(1.5, 0, 180)
     estimate: RecalibrateOptions = field(default_factory=RecalibrateOptions)
+
+    def __post_init__(self) -> None:
+        check_ranges(self)
 
 
 def verify(rig: Rig, captures: Sequence[Correspondences], options: VerifyOptions | None = None) -> Verification:

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from retrue.correspondences import Correspondences
-from retrue.errors import DegenerateError, InputError
+from retrue.errors import DegenerateError
 from retrue.geometry.arrays import BoolArray, FloatArray, IntArray
 from retrue.geometry.camera import Camera
 from retrue.geometry.robust import MAD_TO_SIGMA
@@ -43,8 +43,6 @@ def reconstruct(rig: Rig, points: Correspondences, options: ReconstructOptions |
     [[0.0, 0.0, 500.0], [200.0, 0.0, 1000.0]]
     """
     options = options or ReconstructOptions()
-    if not options.outlier_sigmas > 0:
-        raise InputError(f"outlier_sigmas: expected a positive number, found {options.outlier_sigmas}")
     if not np.linalg.norm(rig.projector_from_camera.t) > 0:
         raise DegenerateError("rig: expected a baseline, found t = 0: camera and projector coincide, so no depth")
     camera_rays, projector_rays, sigmas = _rays(rig, points)
