@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from retrue.errors import InputError
+from retrue.errors import InputError, require_kind, require_kinds
 from retrue.geometry.arrays import BoolArray, FloatArray, IntArray, finite_array, frozen_array
 
 
@@ -58,4 +58,17 @@ class Correspondences:
         return Correspondences(self.camera_px[rows], self.projector_px[rows], **columns, card=self.card)
 
 
+def require_points(value: object) -> None:
+    """An `InputError` that says what to hand in where `value` is no `Correspondences`."""
+    require_kind(value, Correspondences, "points", READERS)
+
+
+def require_captures(values: object) -> None:
+    """An `InputError` where `values` is no list of `Correspondences`, or an empty one."""
+    require_kinds(values, Correspondences, "captures", READERS)
+    if not values:
+        raise InputError("captures: expected at least one, found none")
+
+
+READERS = "retrue.read_capture decodes pictures, retrue.read_points reads a table"
 OPTIONAL_COLUMNS = ("camera_sigma_px", "projector_sigma_px", "confidence", "colors", "cells")

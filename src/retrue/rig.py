@@ -6,6 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
+from retrue.errors import require_kind
 from retrue.geometry.camera import Camera
 from retrue.geometry.transform import RigidTransform
 
@@ -27,3 +28,14 @@ class Rig:
     projector_from_camera: RigidTransform
     unit: str = "mm"
     evidence: Mapping[str, Any] = field(default_factory=dict[str, Any])
+
+    def __post_init__(self) -> None:
+        require_kind(self.camera, Camera, "camera")
+        require_kind(self.projector, Camera, "projector")
+        require_kind(self.projector_from_camera, RigidTransform, "projector_from_camera")
+        require_kind(self.unit, str, "unit")
+
+
+def require_rig(value: object) -> None:
+    """An `InputError` that says what to hand in where `value` is no `Rig`."""
+    require_kind(value, Rig, "rig", "retrue.read_rig reads one")

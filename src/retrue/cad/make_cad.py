@@ -12,9 +12,9 @@ from retrue.cad.outlines import region_outlines, signed_area
 from retrue.cad.segmentation import Region, ThinGrid, smooth_regions, thin_grid
 from retrue.cad.spline import SplineSurface, fit_spline
 from retrue.cad.surfaces import PlaneSurface, SphereSurface, Surface, fit_plane, fit_sphere
-from retrue.errors import DegenerateError, InputError
+from retrue.errors import DegenerateError, InputError, require_kind
 from retrue.geometry.arrays import FloatArray, IntArray
-from retrue.reconstruction.cloud import Cloud
+from retrue.reconstruction.cloud import Cloud, require_cloud
 from retrue.reconstruction.resolution import resolution
 from retrue.reconstruction.surface_grid import NOISE_SIGMAS, SPACING_FRACTION, surface_grid
 
@@ -37,7 +37,9 @@ def make_cad(cloud: Cloud, options: CadOptions | None = None) -> CadModel:
     InputError : the points have no grid.
     DegenerateError : the noise cannot be told and no tolerance is given, or there is no smooth region.
     """
+    require_cloud(cloud)
     options = options or CadOptions()
+    require_kind(options, CadOptions, "options")
     wanted = options.cad_tolerance
     if cloud.cells is None:
         raise InputError("cad: expected points of a capture with a grid, found scattered ones; decode a picture")

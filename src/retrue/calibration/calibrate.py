@@ -21,8 +21,8 @@ from retrue.calibration.options import CalibrationOptions
 from retrue.calibration.result import Calibrated, RefusedCalibration, fitted_views
 from retrue.calibration.setup import Setup
 from retrue.calibration.uncertainty import normal_spread_deg, predicted_error
-from retrue.calibration.views import Capture, LeftOut, Progress, StereoCapture, picture_size, see_views
-from retrue.errors import DegenerateError, InputError
+from retrue.calibration.views import BoardCapture, Capture, LeftOut, Progress, StereoCapture, picture_size, see_views
+from retrue.errors import DegenerateError, InputError, require_kind, require_kinds
 from retrue.geometry.arrays import FloatArray, IntArray
 from retrue.geometry.camera import Camera
 from retrue.rig import Rig
@@ -68,6 +68,9 @@ def calibrate(
     InputError
         captures of mixed picture sizes, no capture at all, known intrinsics of another picture size.
     """
+    require_kinds(captures, (BoardCapture, StereoCapture), "captures", "retrue.read_board_capture reads one")
+    require_kind(board, Board, "board", "retrue.parse_board makes one of such a text")
+    require_kind(options or CalibrationOptions(), CalibrationOptions, "options")
     sizes = _sizes(captures, projector_size, (camera, projector))
     views, left_out = see_views(captures, board, progress)
     progress(f"fitting {len(views)} views")

@@ -12,7 +12,7 @@ from retrue.calibration.board import Board
 from retrue.calibration.detection import BoardCorners, BoardNotFound, find_board
 from retrue.calibration.views import BoardCapture, Progress
 from retrue.correspondences import Correspondences
-from retrue.errors import CaptureError
+from retrue.errors import CaptureError, require_kind, require_kinds, require_path
 from retrue.files.image_header import read_image_header
 from retrue.files.images import picture_paths, read_folder
 from retrue.geometry.arrays import Image
@@ -26,12 +26,13 @@ NO_POINTS = Correspondences(np.empty((0, 2)), np.empty((0, 2)))
 
 
 def read_board_captures(
-    paths: Sequence[Path], pattern: Pattern, board: Board, progress: Progress = lambda message: None
+    paths: Sequence[str | Path], pattern: Pattern, board: Board, progress: Progress = lambda message: None
 ) -> list[BoardCapture]:
     """Several poses, two at a time; raises as `read_board_capture` does. `progress` is told from any thread."""
+    require_kinds(paths, (str, Path), "paths")
 
-    def read(path: Path) -> BoardCapture:
-        progress(f"reading {path.name}")
+    def read(path: str | Path) -> BoardCapture:
+        progress(f"reading {Path(path).name}")
         return read_board_capture(path, pattern, board)
 
     with ThreadPoolExecutor(2) as threads:
@@ -45,7 +46,9 @@ def read_board_capture(path: str | Path, pattern: Pattern, board: Board) -> Boar
     Raises `CaptureError` for pictures that do not belong together or do not decode, `FileError` for files that
     cannot be read.
     """
-    path = Path(path)
+    path = require_path(path, "read_board_capture(path, pattern, board)")
+    require_kind(pattern, (ColorGrid, GrayCode), "pattern", "retrue.read_pattern reads one")
+    require_kind(board, Board, "board", "retrue.parse_board makes one of such a text")
     if not path.is_dir():
         raise CaptureError(path, "expected a folder with the pictures of one pose of the board")
     try:

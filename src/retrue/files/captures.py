@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 from retrue.correspondences import Correspondences
-from retrue.errors import CaptureError, FileError
+from retrue.errors import CaptureError, FileError, require_kind, require_path
 from retrue.files.images import read_folder, read_image
 from retrue.patterns.color_grid import ColorGrid
 from retrue.patterns.gray_code import GrayCode
@@ -27,7 +27,9 @@ def read_capture(path: str | Path, pattern: Pattern | None = None) -> Correspond
     FileError
         no such file, or one that cannot be read.
     """
-    path = Path(path)
+    path = require_path(path, "read_capture(path, pattern)")
+    if pattern is not None:
+        require_kind(pattern, (ColorGrid, GrayCode), "pattern", "retrue.read_pattern reads one")
     if path.is_dir():
         return _read_pictures(path, pattern)
     if not path.exists():

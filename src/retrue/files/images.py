@@ -10,7 +10,7 @@ from typing import cast
 
 import numpy as np
 
-from retrue.errors import CaptureError, FileError, InputError
+from retrue.errors import CaptureError, FileError, InputError, require_kind, require_path
 from retrue.files.atomic import read_bytes, replaced_file
 from retrue.files.image_header import PNG, ImageHeader, png_is_whole, read_image_header
 from retrue.geometry.arrays import Image
@@ -45,7 +45,7 @@ def read_image(path: str | Path, *, grey: bool = False) -> Image:
         no such file, not a picture, cut short, or larger than 200 megapixels (which it tells before any
         memory is taken).
     """
-    path = Path(path)
+    path = require_path(path, "read_image(path)")
     return _decoded(path, _checked_header(path), grey)
 
 
@@ -169,6 +169,8 @@ def write_png(path: str | Path, image: Image) -> None:
     """
     import cv2
 
+    path = require_path(path, "write_png(path, image)")
+    require_kind(image, np.ndarray, "image")
     grey = image.ndim == 2
     if not (image.size and image.dtype.name in ("uint8", "uint16") and (grey or image.shape[2:] == (3,))):
         raise InputError(f"picture: expected grey or RGB of uint8 or uint16, found {image.shape} of {image.dtype}")

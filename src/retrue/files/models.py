@@ -14,12 +14,12 @@ from typing import TYPE_CHECKING, Any, cast
 
 import numpy as np
 
-from retrue.errors import FileError
+from retrue.errors import FileError, require_kind, require_path
 from retrue.files.atomic import read_bytes, replaced_file
 from retrue.files.ply import read_ply
 from retrue.files.ply import write_cloud as write_ply_cloud
 from retrue.files.ply import write_mesh as write_ply_mesh
-from retrue.reconstruction.cloud import Cloud, Mesh
+from retrue.reconstruction.cloud import Cloud, Mesh, require_cloud
 from retrue.units import metres_per, millimetres_per
 
 if TYPE_CHECKING:
@@ -42,6 +42,8 @@ def write_cloud(path: str | Path, cloud: Cloud) -> None:
     FileError : the ending is none of `CLOUD_ENDINGS`, or the file cannot be written.
     InputError : the format has a unit of its own, and the length of the cloud's is not known.
     """
+    path = require_path(path, "write_cloud(path, cloud)")
+    require_cloud(cloud)
     if _ending(path, CLOUD_ENDINGS, "cloud") == ".ply":
         write_ply_cloud(path, cloud)
         return
@@ -52,6 +54,8 @@ def write_cloud(path: str | Path, cloud: Cloud) -> None:
 
 def write_mesh(path: str | Path, mesh: Mesh) -> None:
     """The same of a mesh, whose endings are `MESH_ENDINGS`."""
+    path = require_path(path, "write_mesh(path, mesh)")
+    require_kind(mesh, Mesh, "mesh", "retrue.make_mesh makes one")
     if _ending(path, MESH_ENDINGS, "mesh") == ".ply":
         write_ply_mesh(path, mesh)
         return

@@ -12,7 +12,7 @@ import numpy as np
 from retrue.cad.model import CadModel, Outline
 from retrue.cad.spline import DEGREE, SplineSurface
 from retrue.cad.surfaces import PlaneSurface, SphereSurface, Surface
-from retrue.errors import DegenerateError, FileError, InputError
+from retrue.errors import DegenerateError, FileError, InputError, require_kind, require_path
 from retrue.files.atomic import replaced_file
 from retrue.geometry.arrays import FloatArray
 from retrue.units import millimetres_per
@@ -37,6 +37,8 @@ def write_step(path: str | Path, model: CadModel) -> None:
     InputError : the length of the model's unit is not known, or OpenCASCADE is not installed.
     DegenerateError : OpenCASCADE calls a face of the model invalid.
     """
+    path = require_path(path, "write_step(path, model)")
+    require_kind(model, CadModel, "model")
     require_step(path, model.unit)
     mm = millimetres_per(model.unit)
     faces: list[Any] = []

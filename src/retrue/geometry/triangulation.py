@@ -10,6 +10,7 @@ from collections.abc import Callable
 import numpy as np
 from numpy.typing import ArrayLike
 
+from retrue.errors import require_kind
 from retrue.geometry.arrays import FloatArray
 from retrue.geometry.transform import RigidTransform, skew
 
@@ -54,6 +55,7 @@ def triangulate(
     >>> triangulate(pose, [[0.1, -0.05]], [seen[:2] / seen[2]]).round(9).tolist()
     [[0.2, -0.1, 2.0]]
     """
+    require_kind(projector_from_camera, RigidTransform, "projector_from_camera")
     E = skew(projector_from_camera.t) @ projector_from_camera.R
     R, t = projector_from_camera.R, projector_from_camera.t
 

@@ -7,8 +7,8 @@ from dataclasses import replace
 
 import numpy as np
 
-from retrue.correspondences import Correspondences
-from retrue.errors import DegenerateError, InputError
+from retrue.correspondences import Correspondences, require_captures
+from retrue.errors import DegenerateError, require_kind
 from retrue.geometry.transform import RigidTransform
 from retrue.recalibration.estimate import Estimate, estimate_pose
 from retrue.recalibration.evidence import candidate, change, rms, sigma, sigma_at, working_distance
@@ -20,7 +20,7 @@ from retrue.recalibration.reasons import Reason, reason_of
 from retrue.recalibration.result import Accepted, Evidence, PoseCandidate, Refused
 from retrue.recalibration.scale import translation_length
 from retrue.recalibration.systematic import systematic_covariance
-from retrue.rig import Rig
+from retrue.rig import Rig, require_rig
 
 
 def recalibrate(
@@ -45,9 +45,10 @@ def recalibrate(
 
     Source: Zhang, Li, Wu 2007, section 3.
     """
+    require_rig(rig)
+    require_captures(captures)
     options = options or RecalibrateOptions()
-    if not captures:
-        raise InputError("recalibrate: expected at least one capture, found none")
+    require_kind(options, RecalibrateOptions, "options")
     total = sum(len(capture) for capture in captures)
     try:
         estimate = estimate_pose(rig, captures, options)

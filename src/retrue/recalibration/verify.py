@@ -13,8 +13,8 @@ from typing import Literal
 
 import numpy as np
 
-from retrue.correspondences import Correspondences
-from retrue.errors import DegenerateError, InputError
+from retrue.correspondences import Correspondences, require_captures
+from retrue.errors import DegenerateError, InputError, require_kind
 from retrue.geometry.arrays import FloatArray, finite_array
 from retrue.geometry.transform import RigidTransform, direction_angle, vector_from_rotation
 from retrue.geometry.two_view import (
@@ -33,7 +33,7 @@ from retrue.recalibration.prepare import Rays
 from retrue.recalibration.reasons import Imprecise, Reason, reason_of
 from retrue.recalibration.result import Verification
 from retrue.recalibration.systematic import systematic_covariance
-from retrue.rig import Rig
+from retrue.rig import Rig, require_rig
 
 
 @dataclass(frozen=True, slots=True)
@@ -80,9 +80,10 @@ def verify(rig: Rig, captures: Sequence[Correspondences], options: VerifyOptions
 
     Raises InputError where there are no captures.
     """
+    require_rig(rig)
+    require_captures(captures)
     options = options or VerifyOptions()
-    if not captures:
-        raise InputError("verify: expected at least one capture, found none")
+    require_kind(options, VerifyOptions, "options")
     total = sum(len(capture) for capture in captures)
     try:
         return _verify(rig, captures, total, options)

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from retrue.errors import require_kind
 from retrue.geometry.arrays import BoolArray, FloatArray, IntArray
 
 
@@ -43,6 +44,11 @@ class Cloud:
         cells = None if self.cells is None else self.cells[rows]
         normals = None if self.normals is None else self.normals[rows]
         return Cloud(self.points[rows], self.colors[rows], self.camera_px[rows], self.unit, cells, self.card, normals)
+
+
+def require_cloud(value: object) -> None:
+    """An `InputError` that says what to hand in where `value` is no `Cloud`."""
+    require_kind(value, Cloud, "cloud", "retrue.reconstruct makes one")
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -9,7 +9,7 @@ import numpy as np
 
 from retrue.errors import DegenerateError
 from retrue.geometry.arrays import BoolArray, FloatArray, IntArray
-from retrue.reconstruction.cloud import Cloud, Mesh
+from retrue.reconstruction.cloud import Cloud, Mesh, require_cloud
 from retrue.reconstruction.surface_grid import SurfaceGrid, jump_limit, surface_grid
 
 STEEPEST_COSINE = np.cos(np.radians(85.0))  # a face more edge-on than this is a bridge: it would hardly be lit
@@ -23,6 +23,7 @@ def make_mesh(cloud: Cloud) -> Mesh:
     ------
     DegenerateError : no three neighbours lie on one surface.
     """
+    require_cloud(cloud)
     faces = surface_faces(cloud)
     if not len(faces):
         raise DegenerateError(f"mesh: no three of {len(cloud)} points are neighbours on one surface")

@@ -7,12 +7,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from retrue.errors import InputError
+from retrue.errors import InputError, require_kind
 from retrue.geometry.arrays import FloatArray, Image
 from retrue.patterns.color_grid import ColorGrid
 from retrue.patterns.gray_code import GrayCode
 from retrue.patterns.pattern import Pattern
-from retrue.rig import Rig
+from retrue.rig import Rig, require_rig
 from retrue.simulation.built_in_scenes import SCENES, built_in_scene, meeting_distance
 from retrue.simulation.camera_model import CameraModel
 from retrue.simulation.mitsuba_check import require_true_dots
@@ -64,7 +64,10 @@ def simulate(
         no Mitsuba, no such scene, a pattern for another projector, devices that see nothing together, or
         rendered dots that miss their place by more than 0.05 px.
     """
+    require_rig(rig)
+    require_kind(pattern, (ColorGrid, GrayCode), "pattern", "retrue.read_pattern reads one")
     options = options or SimulateOptions()
+    require_kind(options, SimulateOptions, "options")
     if pattern.projector_size != rig.projector.size:
         raise InputError(
             "simulate: expected a pattern for the rig's projector, {} x {}, found one for {} x {}".format(
