@@ -99,7 +99,7 @@ class Recalibrate(ReportingCommand):
 
 def _described(result: Accepted | Refused, unit: str) -> str:
     """The answer in a few lines."""
-    from retrue.report.lengths import figures
+    from retrue.shown import figures
 
     evidence = result.evidence
     lines = [f"{type(result).__name__.lower()}: {result.reason}"]

@@ -12,11 +12,12 @@ from retrue.calibration.result import FittedView
 from retrue.geometry.arrays import FloatArray
 from retrue.geometry.transform import RigidTransform
 from retrue.report.figures import harmless, numbers, picture_layout, polyline
-from retrue.report.lengths import LengthUnit, figures
+from retrue.report.lengths import LengthUnit
 from retrue.report.page import Chart
 from retrue.report.residual_section import round_factor
 from retrue.report.scene import Device, outline_trace, scene_chart
 from retrue.rig import Rig
+from retrue.shown import figures
 
 CORNER_ARROW_SHARE = 0.015  # of the picture's width: how long a typical residual is drawn
 VIEW_COLORS = ("#4c94e0", "#df8440", "#3aa876", "#b96bd0", "#cf9d1c", "#dc625c", "#4bafbd", "#8f84e8")

@@ -9,9 +9,10 @@ import numpy as np
 
 from retrue.geometry.transform import RigidTransform, direction_angle, rotation_angle, vector_from_rotation
 from retrue.recalibration.result import Evidence, PoseCandidate, PoseChange, PoseSigma
-from retrue.report.lengths import MISSING, LengthUnit, degrees, figures, pixels, sentence
+from retrue.report.lengths import LengthUnit, degrees, pixels, sentence
 from retrue.report.page import Block, Table, Text
 from retrue.rig import Rig
+from retrue.shown import MISSING, figures
 
 LABELS = {
     "points_used": "Points used",

@@ -2,14 +2,12 @@
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass
 
+from retrue.shown import MISSING, figures
 from retrue.units import METRES, millimetres_per
 
 NAMELESS = frozenset({"", "?", "unit", "units", "unknown", "none"})
-MISSING = "\N{EN DASH}"
-SMALLEST = 1e-9  # shown as zero below
 
 
 @dataclass(frozen=True, slots=True)
@@ -46,23 +44,6 @@ def shown_unit(unit: str) -> LengthUnit:
     if name in METRES:
         return LengthUnit(millimetres_per(name), "mm")
     return LengthUnit(1.0, "rig units" if name in NAMELESS else unit.strip())
-
-
-def figures(value: float | None, count: int = 3) -> str:
-    """So many significant figures, never in powers of ten; what is larger in full, counts by thousands.
-
-    >>> figures(0.012345), figures(1234.5), figures(-2.0), figures(70000), figures(float("nan"))
-    ('0.0123', '1234', '-2.00', '70,000', '–')
-    """
-    if value is None or not math.isfinite(value):
-        return MISSING
-    if abs(value) < SMALLEST:
-        return "0"
-    if isinstance(value, int):
-        return f"{value:,}"
-    if abs(value) >= 10 ** (count - 1):
-        return f"{value:.0f}"
-    return f"{value:.{count - 1 - math.floor(math.log10(abs(value)))}f}"
 
 
 def degrees(value: float | None) -> str:

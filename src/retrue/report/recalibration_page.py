@@ -7,12 +7,13 @@ from dataclasses import replace
 
 from retrue.recalibration.result import Accepted, Evidence, PoseSigma, Refused
 from retrue.report.evidence_tables import change_table, evidence_blocks, pose_table
-from retrue.report.lengths import LengthUnit, degrees, figures, pixels, problem_and_advice, sentence, shown_unit
+from retrue.report.lengths import LengthUnit, degrees, pixels, problem_and_advice, sentence, shown_unit
 from retrue.report.page import Fact, Page, Section
 from retrue.report.residual_section import median_residual, residual_section
 from retrue.report.scene import change_scene, cloud_of
 from retrue.report.seen import SeenCapture
 from retrue.rig import Rig
+from retrue.shown import figures
 
 
 def recalibration_page(

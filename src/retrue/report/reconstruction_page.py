@@ -6,12 +6,13 @@ import numpy as np
 
 from retrue.reconstruction.cloud import Cloud
 from retrue.report.evidence_tables import detail_rows
-from retrue.report.lengths import figures, pixels, shown_unit
+from retrue.report.lengths import pixels, shown_unit
 from retrue.report.page import Fact, Page, Section, Table
 from retrue.report.residual_section import median_residual, residual_section
 from retrue.report.scene import rig_scene
 from retrue.report.seen import SeenCapture
 from retrue.rig import Rig
+from retrue.shown import figures
 
 
 def reconstruction_page(rig: Rig, capture: SeenCapture, cloud: Cloud, *, faces: int | None = None) -> Page:

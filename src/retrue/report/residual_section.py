@@ -15,10 +15,10 @@ from retrue.geometry.arrays import FloatArray, IntArray
 from retrue.geometry.transform import skew
 from retrue.reconstruction.reconstruct import epipolar_residuals
 from retrue.report.figures import every, numbers, picture_layout, polyline
-from retrue.report.lengths import figures
 from retrue.report.page import Chart, Section, Tabs
 from retrue.report.seen import SeenCapture
 from retrue.rig import Rig
+from retrue.shown import figures
 
 MOST_CAPTURES = 6  # drawn; all are counted
 COLORS = ("var(--after)", "var(--before)")

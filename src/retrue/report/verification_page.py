@@ -8,12 +8,13 @@ import numpy as np
 
 from retrue.recalibration.result import Verification
 from retrue.report.evidence_tables import change_table
-from retrue.report.lengths import degrees, figures, pixels, problem_and_advice, shown_unit
+from retrue.report.lengths import degrees, pixels, problem_and_advice, shown_unit
 from retrue.report.page import Block, Fact, Page, Section, Table
 from retrue.report.residual_section import median_residual, residual_section
 from retrue.report.scene import cloud_of, rig_scene
 from retrue.report.seen import SeenCapture
 from retrue.rig import Rig
+from retrue.shown import figures
 
 
 def verification_page(rig: Rig, captures: Sequence[SeenCapture], verification: Verification) -> Page:
