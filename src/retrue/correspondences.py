@@ -7,14 +7,15 @@ from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from retrue.errors import InputError, require_kind, require_kinds
 from retrue.geometry.arrays import BoolArray, FloatArray, IntArray, finite_array, frozen_array
+from retrue.values import ByValue
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Correspondences:
+class Correspondences(ByValue):
     """N matched pixels, only valid ones. (0, 0) is the centre of the top-left pixel, in both devices.
 
     Attributes
@@ -44,6 +45,10 @@ class Correspondences:
         projector_px = finite_array(self.projector_px, (None, 2), "projector_px")
         object.__setattr__(self, "camera_px", frozen_array(camera_px))
         object.__setattr__(self, "projector_px", frozen_array(projector_px))
+        for name, (dtype, row) in OPTIONAL_COLUMNS.items():
+            column = getattr(self, name)
+            if column is not None:
+                object.__setattr__(self, name, _column(column, dtype, row, name))
         for name in ("projector_px", *OPTIONAL_COLUMNS):
             column = getattr(self, name)
             if column is not None and len(column) != len(camera_px):
@@ -56,6 +61,21 @@ class Correspondences:
         """The same, with only those rows (a mask or indices)."""
         columns = {name: None if (column := getattr(self, name)) is None else column[rows] for name in OPTIONAL_COLUMNS}
         return Correspondences(self.camera_px[rows], self.projector_px[rows], **columns, card=self.card)
+
+
+def _column(value: ArrayLike, dtype: type[np.generic], row: tuple[int, ...], name: str) -> NDArray[Any]:
+    """A read-only column; an `InputError` where its rows are of another shape, or do not fit the type."""
+    array = np.asarray(value)
+    if array.ndim != 1 + len(row) or array.shape[1:] != row:
+        expected = " x ".join(map(str, ("N", *row)))
+        raise InputError(f"{name}: expected shape {expected}, found {' x '.join(map(str, array.shape)) or 'a number'}")
+    if array.dtype.kind not in "biuf":
+        raise InputError(f"{name}: expected numbers, found {'text' if array.dtype.kind in 'US' else array.dtype}")
+    with np.errstate(invalid="ignore"):
+        column = frozen_array(array, dtype)
+    if array.dtype != dtype and not np.array_equal(column, array, equal_nan=array.dtype.kind == "f"):
+        raise InputError(f"{name}: expected numbers that {np.dtype(dtype)} holds, found others as {array.dtype}")
+    return column
 
 
 def require_points(value: object) -> None:
@@ -71,4 +91,10 @@ def require_captures(values: object) -> None:
 
 
 READERS = "retrue.read_capture decodes pictures, retrue.read_points reads a table"
-OPTIONAL_COLUMNS = ("camera_sigma_px", "projector_sigma_px", "confidence", "colors", "cells")
+OPTIONAL_COLUMNS: dict[str, tuple[type[np.generic], tuple[int, ...]]] = {  # what each row is
+    "camera_sigma_px": (np.float64, ()),
+    "projector_sigma_px": (np.float64, ()),
+    "confidence": (np.float64, ()),
+    "colors": (np.uint8, (3,)),
+    "cells": (np.int64, (2,)),
+}

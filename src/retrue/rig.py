@@ -9,10 +9,11 @@ from typing import Any
 from retrue.errors import require_kind
 from retrue.geometry.camera import Camera
 from retrue.geometry.transform import RigidTransform
+from retrue.values import ByValue
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Rig:
+class Rig(ByValue):
     """Camera and projector: X_projector = R X_camera + t.
 
     Attributes

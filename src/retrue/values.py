@@ -11,13 +11,21 @@ if TYPE_CHECKING:  # what has no arrays needs no NumPy
 
 
 class ByValue:
-    """Base of a frozen dataclass (`eq=False`) that equals another one of its class where all fields do.
+    """Base of a frozen dataclass (`eq=False`) whose arrays are read-only, and which equals what holds the same numbers.
 
     Arrays are equal where they have one shape and the same numbers, NaN in the same places; so are what mappings and
-    sequences hold. Equal values have one hash, so that a rig can be the key of a dictionary.
+    sequences hold. Equal values have one hash, so that a rig can be the key of a dictionary. The arrays are not copied:
+    where others may write to them, a class does that in a `__post_init__` of its own.
     """
 
     __slots__ = ()
+
+    def __post_init__(self) -> None:
+        for item in fields(cast("DataclassInstance", self)):
+            object.__setattr__(self, item.name, _read_only(getattr(self, item.name)))
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        return type(self), tuple(_held(self))  # so that copies go through the checks, and are read-only too
 
     def __eq__(self, other: object) -> bool:
         if type(self) is not type(other):
@@ -28,27 +36,18 @@ class ByValue:
         return hash((type(self).__name__, *map(_key, _held(self))))
 
 
-def freeze_arrays(instance: DataclassInstance) -> None:
-    """Make the arrays in the fields of a frozen dataclass read-only, and those in their tuples and mappings.
-
-    Nothing is copied: this is for what was made just now, and what nobody else holds.
-    """
-    for item in fields(instance):
-        object.__setattr__(instance, item.name, _frozen(getattr(instance, item.name)))
-
-
 def _held(instance: object) -> list[Any]:
     return [getattr(instance, item.name) for item in fields(cast("DataclassInstance", instance))]
 
 
-def _frozen(value: Any) -> Any:
+def _read_only(value: Any) -> Any:
     if _is_array(value) and value.flags.writeable:
         value = value.view()
         value.flags.writeable = False
     elif type(value) is tuple:
-        return tuple(map(_frozen, cast("tuple[Any, ...]", value)))
+        return tuple(map(_read_only, cast("tuple[Any, ...]", value)))
     elif type(value) is dict:
-        return {key: _frozen(item) for key, item in cast("dict[Any, Any]", value).items()}
+        return {key: _read_only(item) for key, item in cast("dict[Any, Any]", value).items()}
     return value
 
 
@@ -76,7 +75,7 @@ def _key(value: Any) -> Any:
 
 
 def _is_array(value: Any) -> bool:
-    return hasattr(value, "flags") and hasattr(value, "tobytes")
+    return getattr(value, "ndim", 0) > 0  # a NumPy scalar is a number
 
 
 def _is_mapping(value: Any) -> bool:

@@ -6,13 +6,14 @@ from dataclasses import dataclass
 
 from retrue.cad.surfaces import Surface
 from retrue.geometry.arrays import FloatArray, IntArray
+from retrue.values import ByValue
 
 Outline = tuple[FloatArray, ...]
 """Closed polygons (K, 2) in the parameters of a surface: the outer one, then those around holes."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Patch:
+class Patch(ByValue):
     """A piece of one surface.
 
     Attributes
@@ -38,7 +39,7 @@ class Patch:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class CadModel:
+class CadModel(ByValue):
     """All patches of a cloud.
 
     Attributes

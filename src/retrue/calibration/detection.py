@@ -12,6 +12,7 @@ from retrue.calibration.board import Board
 from retrue.errors import DegenerateError, InputError
 from retrue.geometry.arrays import FloatArray, Image
 from retrue.geometry.homography import apply_homography, fit_homography
+from retrue.values import ByValue
 
 LARGE_PICTURE = 1000  # pixels: a board in it is also found in half of them
 SMALLEST_PART = 12  # corners of a chessboard that is only partly seen: fewer are as likely clutter
@@ -25,7 +26,7 @@ def opencv() -> Any:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class BoardCorners:
+class BoardCorners(ByValue):
     """Corners of one picture.
 
     Attributes

@@ -12,10 +12,11 @@ from retrue.calibration.observations import View, corner_group
 from retrue.geometry.arrays import FloatArray
 from retrue.geometry.transform import RigidTransform
 from retrue.rig import Rig
+from retrue.values import ByValue
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class FittedView:
+class FittedView(ByValue):
     """One pose of the board after the fit.
 
     Attributes
@@ -51,7 +52,7 @@ def fitted_views(fit: Adjusted, views: list[View]) -> tuple[FittedView, ...]:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Calibrated:
+class Calibrated(ByValue):
     """The rig.
 
     Attributes
@@ -69,7 +70,7 @@ class Calibrated:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class RefusedCalibration:
+class RefusedCalibration(ByValue):
     """No rig: the captures do not determine it; the reason says what to capture."""
 
     reason: str

@@ -15,13 +15,14 @@ from retrue.calibration.projector_corners import fit_projector_corners
 from retrue.correspondences import Correspondences
 from retrue.errors import InputError
 from retrue.geometry.arrays import FloatArray, Image, IntArray
+from retrue.values import ByValue
 
 FEWEST_CORNERS = 8
 Progress = Callable[[str], None]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class BoardCapture:
+class BoardCapture(ByValue):
     """One pose of the board, lit white, and the dense code of the same moment; `corners` where found already."""
 
     name: str
@@ -31,7 +32,7 @@ class BoardCapture:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class StereoCapture:
+class StereoCapture(ByValue):
     """One pose of the board, seen by two cameras."""
 
     name: str

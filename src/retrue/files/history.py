@@ -20,12 +20,13 @@ from retrue.files.rig_json import rig_from_json, rig_to_json
 from retrue.files.rigs import read_rig
 from retrue.recalibration.result import Accepted
 from retrue.rig import Rig
+from retrue.values import ByValue
 
 Action = Literal["found", "recalibrated", "rolled back"]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class HistoryEntry:
+class HistoryEntry(ByValue):
     """One rig that was put in place.
 
     Attributes

@@ -12,12 +12,13 @@ from numpy.typing import ArrayLike
 
 from retrue.errors import InputError
 from retrue.geometry.arrays import BoolArray, FloatArray, finite_array, frozen_array
+from retrue.values import ByValue
 
 DISTORTION_LENGTHS = (0, 4, 5, 8, 12)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Camera:
+class Camera(ByValue):
     """pixel ~ K distort(X / Z): m = alpha K X, eqs (3) and (4) of Zhang, Li, Wu 2007, with a lens.
 
     Attributes

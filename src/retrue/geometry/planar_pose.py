@@ -14,6 +14,7 @@ from numpy.typing import ArrayLike
 from retrue.errors import DegenerateError, InputError
 from retrue.geometry import compiled
 from retrue.geometry.arrays import BoolArray, FloatArray, finite_array
+from retrue.values import ByValue
 
 SMALLEST_PARALLAX = 1e-9  # |t| / distance below which H is a rotation to rounding
 SMALLEST_DETERMINANT = 1e-14  # of an H of norm 1
@@ -64,7 +65,7 @@ class PlanarPose:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class PlanarPoses:
+class PlanarPoses(ByValue):
     """Both poses of each of N homographies; see `PlanarPose`. NaN where a homography gives none.
 
     Attributes

@@ -9,10 +9,13 @@ from numpy.typing import ArrayLike
 
 from retrue.errors import InputError
 from retrue.geometry.arrays import FloatArray, finite_array, frozen_array
+from retrue.values import ByValue
+
+ROUNDING = 1e-15  # a unit vector within that of length one stays as it is
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Plane:
+class Plane(ByValue):
     """normal . X = distance, in the camera frame; the paper's n is normal / distance.
 
     Attributes
@@ -34,7 +37,7 @@ class Plane:
             raise InputError(
                 f"plane: expected a non-zero normal and a positive distance, found {normal} and {self.distance}"
             )
-        object.__setattr__(self, "normal", frozen_array(normal / length))
+        object.__setattr__(self, "normal", frozen_array(normal / length if abs(length - 1) > ROUNDING else normal))
         object.__setattr__(self, "distance", float(self.distance))
 
     @classmethod

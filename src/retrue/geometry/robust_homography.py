@@ -15,6 +15,7 @@ from numpy.typing import ArrayLike
 from retrue.errors import DegenerateError, InputError
 from retrue.geometry.arrays import BoolArray, FloatArray, IntArray, finite_array
 from retrue.geometry.homography import MINIMAL_POINTS, fit_homography, homography_residuals
+from retrue.values import ByValue
 
 HYPOTHESES = 200  # in one go; at 30 % of the points on the plane, a local sample hits it in more than 1 of 20
 MOST_HYPOTHESES = 2000
@@ -31,7 +32,7 @@ TRIPLET_CONSISTENCY = 1.16  # of that choice, for independent normal noise (by s
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class RobustHomography:
+class RobustHomography(ByValue):
     """What a robust fit found.
 
     Attributes

@@ -9,12 +9,13 @@ from numpy.typing import ArrayLike
 
 from retrue.errors import InputError
 from retrue.geometry.arrays import FloatArray, finite_array, frozen_array
+from retrue.values import ByValue
 
 ROTATION_TOLERANCE = 1e-3  # |R R^T - I| that rounding in a hand-written or printed file explains
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class RigidTransform:
+class RigidTransform(ByValue):
     """X_target = R X_source + t.
 
     Attributes

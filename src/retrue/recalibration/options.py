@@ -3,16 +3,19 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from math import inf
 from typing import TYPE_CHECKING
 
+from retrue.errors import InputError
 from retrue.ranges import check_ranges, ranged
+from retrue.values import ByValue
 
 if TYPE_CHECKING:  # so that the command line's help loads no NumPy
     from retrue.geometry.arrays import FloatArray
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class KnownDistance:
+class KnownDistance(ByValue):
     """The true length between the scene points seen at two camera pixels of the first capture: it gives |t|.
 
     Attributes
@@ -24,6 +27,15 @@ class KnownDistance:
     first_px: FloatArray
     second_px: FloatArray
     length: float
+
+    def __post_init__(self) -> None:
+        from retrue.geometry.arrays import finite_array, frozen_array
+
+        for name in ("first_px", "second_px"):
+            pixel = finite_array(getattr(self, name), (2,), f"known distance, {name}")
+            object.__setattr__(self, name, frozen_array(pixel))
+        if not 0 < self.length < inf:
+            raise InputError(f"known distance: expected a positive length, found {self.length}")
 
 
 @dataclass(frozen=True, slots=True)

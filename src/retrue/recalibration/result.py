@@ -10,10 +10,11 @@ from retrue.geometry.plane import Plane
 from retrue.geometry.transform import RigidTransform
 from retrue.recalibration.reasons import Reason
 from retrue.rig import Rig
+from retrue.values import ByValue
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class PoseCandidate:
+class PoseCandidate(ByValue):
     """One of the two poses that explain the plane, after refinement on all points.
 
     Attributes
@@ -32,8 +33,8 @@ class PoseCandidate:
     chosen: bool
 
 
-@dataclass(frozen=True, slots=True)
-class PoseChange:
+@dataclass(frozen=True, slots=True, eq=False)
+class PoseChange(ByValue):
     """From one pose to another.
 
     Attributes
@@ -50,8 +51,8 @@ class PoseChange:
     displacement: float | None = None
 
 
-@dataclass(frozen=True, slots=True)
-class PoseSigma:
+@dataclass(frozen=True, slots=True, eq=False)
+class PoseSigma(ByValue):
     """One standard deviation.
 
     Attributes
@@ -67,7 +68,7 @@ class PoseSigma:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Evidence:
+class Evidence(ByValue):
     """What the verdict rests on. `None` where the work stopped before that was known.
 
     `working_distance` is the median depth of the points, in the rig's unit.
@@ -85,7 +86,7 @@ class Evidence:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Accepted:
+class Accepted(ByValue):
     """The new rig, why this pose, and the evidence."""
 
     rig: Rig
@@ -94,7 +95,7 @@ class Accepted:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Refused:
+class Refused(ByValue):
     """No rig: the picture cannot tell, or what it tells is not to be trusted; the cause says what to do."""
 
     cause: Reason
@@ -107,7 +108,7 @@ class Refused:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Verification:
+class Verification(ByValue):
     """Whether a capture still fits a rig.
 
     Attributes

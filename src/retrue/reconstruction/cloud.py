@@ -11,10 +11,11 @@ from numpy.typing import NDArray
 
 from retrue.errors import require_kind
 from retrue.geometry.arrays import BoolArray, FloatArray, IntArray
+from retrue.values import ByValue
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Cloud:
+class Cloud(ByValue):
     """N points in the camera frame.
 
     Attributes
@@ -52,7 +53,7 @@ def require_cloud(value: object) -> None:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Mesh:
+class Mesh(ByValue):
     """Triangles over points, in the camera frame.
 
     Attributes

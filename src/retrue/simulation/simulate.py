@@ -21,6 +21,7 @@ from retrue.simulation.mitsuba_stage import Stage
 from retrue.simulation.mitsuba_truth import Truth, find_truth
 from retrue.simulation.mitsuba_views import blurred_raster
 from retrue.simulation.options import SimulateOptions
+from retrue.values import ByValue
 
 GRAY_POINTS_EVERY = 16  # projector pixels, of a Gray code's true correspondences
 
@@ -28,7 +29,7 @@ Progress = Callable[[int, int], None]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Simulated:
+class Simulated(ByValue):
     """What `simulate` made.
 
     Attributes
