@@ -13,6 +13,7 @@ import retrue
 from retrue.calibration.detection import BoardCorners
 from retrue.simulation.mitsuba_truth import Truth
 from tests.recalibration.scenes import RIG, SPHERE, WALL, Scene, bumped, capture
+from tests.report.pages import calibration
 
 COLUMNS, ROWS = 36, 28
 
@@ -41,22 +42,20 @@ def examples() -> dict[str, object]:
     grid = np.random.default_rng(0).uniform(-1, 1, (30, 2))
     lifted = np.column_stack([grid, np.ones(30)]) @ homography.T
     picture = np.full((48, 64, 3), 90, np.uint8)
-    evidence = {"rms_px": 0.12345678, "advice": ["tilt it"], "predicted_error": {"rms": 0.0123, "at_distance": 1.5}}
-    view = retrue.FittedView(
-        "pose 1", RIG.projector_from_camera, grid.copy(), (100 * grid, 90 * grid), (0.1 * grid, 0.2 * grid)
-    )
+    calibrated, uncertain = calibration(), calibration(5, retrue.CalibrationOptions(largest_error=1e-6))
+    assert isinstance(calibrated, retrue.Calibrated), calibrated
+    assert isinstance(uncertain, retrue.RefusedCalibration), uncertain
     simulated = retrue.Simulated(
         {"capture": picture.copy(), "white": picture.copy()},
         Truth(np.ones((48, 64)), np.zeros((48, 64), int), np.ones((48, 64), bool), grid.copy(), grid.copy()),
         {"camera": 0.01, "projector": 0.02},
     )
-    calibrated = retrue.Calibrated(replace(RIG, evidence=evidence), "6 poses of the board", evidence, (view,))
     made = [
-        RIG, RIG.camera, RIG.projector_from_camera, points, accepted, refused, cloud, calibrated, view, simulated,
+        RIG, RIG.camera, RIG.projector_from_camera, points, accepted, refused, cloud, simulated,
+        calibrated, uncertain, calibrated.views[0],
         accepted.evidence, *accepted.evidence.candidates[:1], accepted.evidence.candidates[0].planes[0],
         accepted.evidence.change, accepted.evidence.sigma, refused.cause,
         retrue.verify(RIG, [points]), retrue.make_mesh(cloud), retrue.make_cad(cloud, retrue.CadOptions(0.05)),
-        retrue.RefusedCalibration("too few poses", {"left_out": []}, (view,)),
         retrue.BoardCapture("pose 1", picture.copy(), points, BoardCorners(grid.copy(), grid.copy(), True)),
         retrue.StereoCapture("pose 1", picture.copy(), picture.copy()),
         retrue.fit_homography_robust(grid, lifted[:, :2] / lifted[:, 2:] + 1e-4 * np.sin(50 * grid[:, ::-1])),

@@ -22,7 +22,7 @@ PUBLIC = [
     "read_board_capture", "read_board_captures", "read_capture", "read_device", "read_folder", "read_history",
     "read_image", "read_pattern", "read_points", "read_rig", "recalibrate", "reconstruct", "residual_picture",
     "roll_back", "simulate", "triangulate", "verify", "with_normals", "write_cloud", "write_in_place",
-    "write_mesh", "write_pattern", "write_png", "write_points", "write_rig", "write_step",
+    "write_mesh", "write_pattern", "write_png", "write_points", "write_report", "write_rig", "write_step",
 ]  # fmt: skip
 HEAVY = {"cv2", "scipy", "numba", "matplotlib", "tyro"}
 

@@ -11,11 +11,12 @@ from numpy.typing import ArrayLike, NDArray
 
 from retrue.errors import InputError, require_kind, require_kinds
 from retrue.geometry.arrays import BoolArray, FloatArray, IntArray, finite_array, frozen_array
+from retrue.shown import ShortRepr, Shown, counted
 from retrue.values import ByValue
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class Correspondences(ByValue):
+@dataclass(frozen=True, slots=True, eq=False, repr=False)
+class Correspondences(ByValue, ShortRepr):
     """N matched pixels, only valid ones. (0, 0) is the centre of the top-left pixel, in both devices.
 
     Attributes
@@ -61,6 +62,20 @@ class Correspondences(ByValue):
         """The same, with only those rows (a mask or indices)."""
         columns = {name: None if (column := getattr(self, name)) is None else column[rows] for name in OPTIONAL_COLUMNS}
         return Correspondences(self.camera_px[rows], self.projector_px[rows], **columns, card=self.card)
+
+    def _shown(self) -> Shown:
+        rows = {name: _extent(getattr(self, name)) for name in ("camera_px", "projector_px") if len(self)}
+        columns = [name for name in OPTIONAL_COLUMNS if getattr(self, name) is not None]
+        if columns:
+            rows["with"] = ", ".join(columns)
+        if advice := self.card.get("advice"):
+            rows["advice"] = str(advice if isinstance(advice, str) else "; ".join(map(str, advice)))
+        return counted(len(self), "point"), rows
+
+
+def _extent(pixels: FloatArray) -> str:
+    (left, top), (right, bottom) = pixels.min(axis=0), pixels.max(axis=0)
+    return f"x {round(left)} to {round(right)}, y {round(top)} to {round(bottom)}"
 
 
 def _column(value: ArrayLike, dtype: type[np.generic], row: tuple[int, ...], name: str) -> NDArray[Any]:

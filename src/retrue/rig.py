@@ -9,11 +9,12 @@ from typing import Any
 from retrue.errors import require_kind
 from retrue.geometry.camera import Camera
 from retrue.geometry.transform import RigidTransform
+from retrue.shown import ShortRepr, Shown
 from retrue.values import ByValue
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class Rig(ByValue):
+@dataclass(frozen=True, slots=True, eq=False, repr=False)
+class Rig(ByValue, ShortRepr):
     """Camera and projector: X_projector = R X_camera + t.
 
     Attributes
@@ -35,6 +36,13 @@ class Rig(ByValue):
         require_kind(self.projector, Camera, "projector")
         require_kind(self.projector_from_camera, RigidTransform, "projector_from_camera")
         require_kind(self.unit, str, "unit")
+
+    def _shown(self) -> Shown:
+        rows = {"camera": self.camera.shown_title, "projector": self.projector.shown_title}
+        rows["projector_from_camera"] = self.projector_from_camera.shown_title
+        if self.evidence:
+            rows["evidence"] = ", ".join(map(str, self.evidence))
+        return f"in {self.unit}", rows
 
 
 def require_rig(value: object) -> None:

@@ -5,9 +5,12 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable, Mapping
 from html import escape
-from typing import TYPE_CHECKING
+from os import PathLike
+from textwrap import fill
+from typing import TYPE_CHECKING, Any, cast
 
 MISSING = "\N{EN DASH}"
+WIDTH = 110  # columns of a prompt
 SMALLEST = 1e-9  # shown as zero below
 
 Shown = tuple[str, Mapping[str, str]]
@@ -23,10 +26,17 @@ class ShortRepr:
 
         def _shown(self) -> Shown: ...
 
+    @property
+    def shown_title(self) -> str:
+        """The first line without the name of the class, for what holds this."""
+        return self._shown()[0]
+
     def __repr__(self) -> str:
         title, rows = self._shown()
         width = max(map(len, rows), default=0)
-        return "\n".join([f"{type(self).__name__}: {title}", *(f"  {name:{width}}  {rows[name]}" for name in rows)])
+        lines = [f"{type(self).__name__}: {title}".rstrip(": ")]
+        lines += [f"  {name:{width}}  {text}" for name, text in rows.items()]
+        return "\n".join(fill(line, WIDTH, subsequent_indent=" " * (width + 4)) for line in lines)
 
     def _repr_html_(self) -> str:
         title, rows = self._shown()
@@ -35,6 +45,21 @@ class ShortRepr:
             for name, text in rows.items()
         )
         return f"<div><b>{type(self).__name__}</b>: {escape(title)}{cells and f'<table>{cells}</table>'}</div>"
+
+
+class HasReport:
+    """Base of what a job answers: it can be shown as a page."""
+
+    __slots__ = ()
+
+    def report(self, path: str | PathLike[str], **given: Any) -> None:
+        """Write the page about it, as `retrue.write_report(path, self, ...)` does; `given` is what the job was given.
+
+        `result.report("page.html", rig=rig, captures=[points], pictures=[image])`
+        """
+        from retrue import write_report  # by its public name: only the root knows all floors
+
+        write_report(path, cast("Any", self), **given)
 
 
 def figures(value: float | None, count: int = 3) -> str:
@@ -62,9 +87,9 @@ def vector(values: Iterable[float], count: int = 4) -> str:
     """
     numbers = [float(value) for value in values]
     largest = max((abs(number) for number in numbers if math.isfinite(number)), default=0.0)
-    digits = count - 1 - math.floor(math.log10(largest)) if largest > 0 else 0
-    rounded = [round(number, digits) + 0.0 if math.isfinite(number) else number for number in numbers]
-    return f"[{', '.join(f'{number:.{count + 4}g}' for number in rounded)}]"
+    digits = max(0, count - 1 - math.floor(math.log10(largest))) if largest > 0 else 0
+    shown = [f"{round(number, digits) + 0.0:.{digits}f}" for number in numbers]
+    return f"[{', '.join(text.rstrip('0').rstrip('.') if '.' in text else text for text in shown)}]"
 
 
 def counted(count: int, noun: str) -> str:

@@ -11,6 +11,8 @@ from retrue import Rig, RigidTransform
 from retrue.calibration.board import parse_board
 from retrue.calibration.calibrate import calibrate_views
 from retrue.calibration.observations import View
+from retrue.calibration.options import CalibrationOptions
+from retrue.calibration.result import Calibrated, RefusedCalibration
 from retrue.recalibration.recalibrate import recalibrate
 from retrue.recalibration.verify import verify
 from retrue.reconstruction.reconstruct import reconstruct
@@ -80,8 +82,8 @@ def reconstructed() -> Page:
     return reconstruction_page(RIG, capture, reconstruct(RIG, points), faces=7)
 
 
-def calibrated(views: int = 5) -> Page:
-    """A board held at some poses, each tilted another way; with one, it is refused."""
+def calibration(views: int = 5, options: CalibrationOptions | None = None) -> Calibrated | RefusedCalibration:
+    """Of a board held at some poses, each tilted another way; with one, it is refused."""
     board = parse_board("chessboard:7x9:20mm")
     rig = replace(RIG, projector_from_camera=replace(RIG.projector_from_camera, t=1000 * RIG.projector_from_camera.t))
     noise = np.random.default_rng(0)
@@ -93,8 +95,12 @@ def calibrated(views: int = 5) -> Page:
         pixels = rig.camera.project(X), rig.projector.project(rig.projector_from_camera.apply(X))
         pixels = tuple(each + noise.normal(scale=0.1, size=each.shape) for each in pixels)
         held.append(View(f"capture_{k}", board.points, pixels, (np.ones(len(X)), np.ones(len(X)))))
-    result = calibrate_views(held, board, (CAMERA.size, PROJECTOR.size))
-    return calibration_page(result, SIZES, board.unit, out="rig.json")
+    return calibrate_views(held, board, (CAMERA.size, PROJECTOR.size), options)
+
+
+def calibrated(views: int = 5, options: CalibrationOptions | None = None) -> Page:
+    """The page of it."""
+    return calibration_page(calibration(views, options), SIZES, "mm", out="rig.json")
 
 
 PAGES: dict[str, Callable[[], Page]] = {
@@ -106,6 +112,7 @@ PAGES: dict[str, Callable[[], Page]] = {
     "reconstructed": reconstructed,
     "calibrated": calibrated,
     "calibration_refused": lambda: calibrated(1),
+    "calibration_too_uncertain": lambda: calibrated(5, CalibrationOptions(largest_error=1e-6)),
 }
 
 

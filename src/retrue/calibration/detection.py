@@ -12,6 +12,7 @@ from retrue.calibration.board import Board
 from retrue.errors import DegenerateError, InputError
 from retrue.geometry.arrays import FloatArray, Image
 from retrue.geometry.homography import apply_homography, fit_homography
+from retrue.shown import ShortRepr, Shown, counted
 from retrue.values import ByValue
 
 LARGE_PICTURE = 1000  # pixels: a board in it is also found in half of them
@@ -25,8 +26,8 @@ def opencv() -> Any:
     return cv2
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class BoardCorners(ByValue):
+@dataclass(frozen=True, slots=True, eq=False, repr=False)
+class BoardCorners(ByValue, ShortRepr):
     """Corners of one picture.
 
     Attributes
@@ -40,6 +41,12 @@ class BoardCorners(ByValue):
     board_xy: FloatArray
     pixels: FloatArray
     complete: bool
+
+    def _shown(self) -> Shown:
+        return (
+            f"{counted(len(self.pixels), 'corner')}, {'the whole board' if self.complete else 'a part of the board'}",
+            {},
+        )
 
 
 class BoardNotFound(InputError):

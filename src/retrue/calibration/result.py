@@ -6,17 +6,20 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
+import numpy as np
+
 from retrue.calibration.bundle import Adjusted
 from retrue.calibration.jacobians import residuals
 from retrue.calibration.observations import View, corner_group
 from retrue.geometry.arrays import FloatArray
 from retrue.geometry.transform import RigidTransform
 from retrue.rig import Rig
+from retrue.shown import HasReport, ShortRepr, Shown, counted, figures
 from retrue.values import ByValue
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class FittedView(ByValue):
+@dataclass(frozen=True, slots=True, eq=False, repr=False)
+class FittedView(ByValue, ShortRepr):
     """One pose of the board after the fit.
 
     Attributes
@@ -33,6 +36,11 @@ class FittedView(ByValue):
     board_xy: FloatArray
     pixels: tuple[FloatArray, ...]
     errors: tuple[FloatArray, ...]
+
+    def _shown(self) -> Shown:
+        rms = [figures(float(np.sqrt(2 * np.mean(error**2)))) for error in self.errors if error.size]
+        title = f"{self.name}, {counted(len(self.board_xy), 'corner')}, RMS {' and '.join(rms)} px"
+        return title, {"camera_from_board": self.camera_from_board.shown_title}
 
 
 def fitted_views(fit: Adjusted, views: list[View]) -> tuple[FittedView, ...]:
@@ -51,8 +59,8 @@ def fitted_views(fit: Adjusted, views: list[View]) -> tuple[FittedView, ...]:
     )
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class Calibrated(ByValue):
+@dataclass(frozen=True, slots=True, eq=False, repr=False)
+class Calibrated(ByValue, ShortRepr, HasReport):
     """The rig.
 
     Attributes
@@ -68,11 +76,30 @@ class Calibrated(ByValue):
     evidence: Mapping[str, Any]
     views: tuple[FittedView, ...] = ()
 
+    def _shown(self) -> Shown:
+        rows = _rows(self.evidence, self.views, self.rig.unit)
+        return self.reason, rows | {"advice": "; ".join(self.evidence.get("advice", ())) or "none"}
 
-@dataclass(frozen=True, slots=True, eq=False)
-class RefusedCalibration(ByValue):
+
+@dataclass(frozen=True, slots=True, eq=False, repr=False)
+class RefusedCalibration(ByValue, ShortRepr, HasReport):
     """No rig: the captures do not determine it; the reason says what to capture."""
 
     reason: str
     evidence: Mapping[str, Any] = field(default_factory=dict[str, Any])
     views: tuple[FittedView, ...] = ()
+
+    def _shown(self) -> Shown:
+        return self.reason, _rows(self.evidence, self.views, "")
+
+
+def _rows(evidence: Mapping[str, Any], views: tuple[FittedView, ...], unit: str) -> dict[str, str]:
+    rows = {"from": counted(len(views), "pose")}
+    if left_out := evidence.get("left_out"):
+        rows["from"] += f", {len(left_out)} left out"
+    if "rms_px" in evidence:
+        rows["from"] += f", RMS {figures(evidence['rms_px'])} px"
+    if error := evidence.get("predicted_error"):
+        known, distance = figures(error["rms"]), figures(error["at_distance"])
+        rows["points"] = f"known to {known} {unit}".rstrip() + f" at {distance} {unit}".rstrip()
+    return rows

@@ -5,7 +5,6 @@ from __future__ import annotations
 import shlex
 from collections.abc import Sequence
 from dataclasses import replace
-from datetime import UTC, datetime
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -16,8 +15,6 @@ if TYPE_CHECKING:
     from retrue.correspondences import Correspondences
     from retrue.geometry.arrays import Image
     from retrue.report.seen import SeenCapture
-
-LIBRARIES = ("retrue", "numpy", "scipy", "opencv-python-headless", "numba", "plotly")
 
 
 def seen_captures(paths: Sequence[Path], pattern: Path | None, points: Sequence[Correspondences]) -> list[SeenCapture]:
@@ -31,17 +28,13 @@ def seen_captures(paths: Sequence[Path], pattern: Path | None, points: Sequence[
 
 def written_page(outcome: Outcome, arguments: Sequence[str]) -> Outcome:
     """Write the page of an outcome; returns the outcome, which then says so."""
-    from retrue.files.atomic import replaced_file
-    from retrue.report.page import Provenance, page_html
+    from retrue.pages import write_page
 
     if outcome.page is None:
         return outcome
     path, page = outcome.page
     terminal.detail("drawing the report")
-    made = datetime.now(UTC).isoformat(sep=" ", timespec="seconds")
-    html = page_html(page, Provenance(shlex.join(["retrue", *arguments]), made, _versions()))
-    with replaced_file(path) as stream:
-        stream.write(html.encode())
+    write_page(path, page, shlex.join(["retrue", *arguments]))
     return replace(
         outcome, report={**outcome.report, "page": str(path)}, text=f"{outcome.text}\n{path}: report written"
     )
@@ -60,16 +53,3 @@ def _photograph(path: Path, pattern: Path | None) -> Image | None:
         images, paths = read_folder(path)
         return arrange(spec, images, [entry.name for entry in paths]).white
     return None if path.suffix.lower() == ".csv" else read_image(path)
-
-
-def _versions() -> dict[str, str]:
-    import platform
-    from importlib.metadata import PackageNotFoundError, version
-
-    found = {"Python": platform.python_version()}
-    for name in LIBRARIES:
-        try:
-            found[name] = version(name)
-        except PackageNotFoundError:  # such as OpenCV under another of its names
-            continue
-    return found

@@ -20,13 +20,14 @@ from retrue.files.rig_json import rig_from_json, rig_to_json
 from retrue.files.rigs import read_rig
 from retrue.recalibration.result import Accepted
 from retrue.rig import Rig
+from retrue.shown import ShortRepr, Shown
 from retrue.values import ByValue
 
 Action = Literal["found", "recalibrated", "rolled back"]
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class HistoryEntry(ByValue):
+@dataclass(frozen=True, slots=True, eq=False, repr=False)
+class HistoryEntry(ByValue, ShortRepr):
     """One rig that was put in place.
 
     Attributes
@@ -47,6 +48,12 @@ class HistoryEntry(ByValue):
     evidence: Mapping[str, Any] = field(default_factory=dict[str, Any])
     captures: Sequence[Mapping[str, str]] = ()
     restored: int | None = None
+
+    def _shown(self) -> Shown:
+        rows = {"rig": self.rig.projector_from_camera.shown_title}
+        if "reason" in self.evidence:
+            rows["reason"] = str(self.evidence["reason"])
+        return f"{self.id}, {self.action} {self.time:%Y-%m-%d %H:%M} UTC", rows
 
 
 def history_path(rig_path: str | Path) -> Path:

@@ -14,6 +14,8 @@ from numpy.typing import ArrayLike
 from retrue.errors import DegenerateError, InputError
 from retrue.geometry import compiled
 from retrue.geometry.arrays import BoolArray, FloatArray, finite_array
+from retrue.geometry.transform import vector_from_rotation
+from retrue.shown import ShortRepr, Shown, counted, vector
 from retrue.values import ByValue
 
 SMALLEST_PARALLAX = 1e-9  # |t| / distance below which H is a rotation to rounding
@@ -23,7 +25,7 @@ OPTICAL_AXIS.setflags(write=False)
 _new = object.__new__
 
 
-class PlanarPose:
+class PlanarPose(ShortRepr):
     """H ~ R + translation_over_distance normal^T; read-only.
 
     Attributes
@@ -42,9 +44,12 @@ class PlanarPose:
         self._rows[:3], self._rows[3], self._rows[4] = R, translation_over_distance, normal
         self._rows.setflags(write=False)
 
-    def __repr__(self) -> str:
-        R, t, normal = (part.tolist() for part in (self.R, self.translation_over_distance, self.normal))
-        return f"PlanarPose(R={R}, translation_over_distance={t}, normal={normal})"
+    def _shown(self) -> Shown:
+        rotation = vector(np.degrees(vector_from_rotation(self.R)))
+        return (
+            f"rotation {rotation} deg, t / d {vector(self.translation_over_distance)}, normal {vector(self.normal)}",
+            {},
+        )
 
     @property
     def R(self) -> FloatArray:
@@ -64,8 +69,8 @@ class PlanarPose:
         return self.R + np.outer(self.translation_over_distance, self.normal)
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class PlanarPoses(ByValue):
+@dataclass(frozen=True, slots=True, eq=False, repr=False)
+class PlanarPoses(ByValue, ShortRepr):
     """Both poses of each of N homographies; see `PlanarPose`. NaN where a homography gives none.
 
     Attributes
@@ -80,6 +85,10 @@ class PlanarPoses(ByValue):
 
     def __len__(self) -> int:
         return len(self.R)
+
+    def _shown(self) -> Shown:
+        without = int(np.isnan(self.R[:, 0, 0, 0]).sum())
+        return f"{counted(len(self), 'pair')}{f', {without} of NaN' if without else ''}", {}
 
 
 def planar_pose_candidates(

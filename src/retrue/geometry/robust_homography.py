@@ -15,6 +15,7 @@ from numpy.typing import ArrayLike
 from retrue.errors import DegenerateError, InputError
 from retrue.geometry.arrays import BoolArray, FloatArray, IntArray, finite_array
 from retrue.geometry.homography import MINIMAL_POINTS, fit_homography, homography_residuals
+from retrue.shown import ShortRepr, Shown, figures, vector
 from retrue.values import ByValue
 
 HYPOTHESES = 200  # in one go; at 30 % of the points on the plane, a local sample hits it in more than 1 of 20
@@ -31,8 +32,8 @@ AGREEING = 2  # the third nearest of the other nine: half of the neighbours may 
 TRIPLET_CONSISTENCY = 1.16  # of that choice, for independent normal noise (by simulation)
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class RobustHomography(ByValue):
+@dataclass(frozen=True, slots=True, eq=False, repr=False)
+class RobustHomography(ByValue, ShortRepr):
     """What a robust fit found.
 
     Attributes
@@ -45,6 +46,10 @@ class RobustHomography(ByValue):
     homography: FloatArray
     inliers: BoolArray
     noise: float
+
+    def _shown(self) -> Shown:
+        rows = {f"row {row}": vector(self.homography[row], 5) for row in range(3)}
+        return f"{self.inliers.sum():,} of {len(self.inliers):,} points agree, noise {figures(self.noise)}", rows
 
 
 def fit_homography_robust(

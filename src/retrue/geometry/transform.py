@@ -9,13 +9,14 @@ from numpy.typing import ArrayLike
 
 from retrue.errors import InputError
 from retrue.geometry.arrays import FloatArray, finite_array, frozen_array
+from retrue.shown import ShortRepr, Shown, vector
 from retrue.values import ByValue
 
 ROTATION_TOLERANCE = 1e-3  # |R R^T - I| that rounding in a hand-written or printed file explains
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class RigidTransform(ByValue):
+@dataclass(frozen=True, slots=True, eq=False, repr=False)
+class RigidTransform(ByValue, ShortRepr):
     """X_target = R X_source + t.
 
     Attributes
@@ -70,6 +71,9 @@ class RigidTransform(ByValue):
     def __matmul__(self, other: RigidTransform) -> RigidTransform:
         """a_from_b @ b_from_c is a_from_c."""
         return RigidTransform(self.R @ other.R, self.R @ other.t + self.t)
+
+    def _shown(self) -> Shown:
+        return f"rotation {vector(np.degrees(vector_from_rotation(self.R)))} deg, t {vector(self.t)}", {}
 
 
 def nearest_rotation(matrix: FloatArray) -> FloatArray:

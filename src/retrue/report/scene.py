@@ -61,7 +61,7 @@ def scene_chart(
     """Everything in one space; `points` (N, 3) say what must be in view, strays excepted."""
     length = FRUSTUM_SHARE * float(np.median(points[:, 2])) if len(points) else 1.0
     outlines = [_outline(device, length) for device in devices]
-    low, high = _bounds(points, np.concatenate(outlines))
+    low, high = _bounds(points, np.concatenate([np.zeros((1, 3)), *outlines]))
     drawn = [*traces]
     for device, outline in zip(devices, outlines, strict=True):
         drawn += _frustum(device, outline, unit)

@@ -13,6 +13,7 @@ from retrue.patterns.color_grid import ColorGrid
 from retrue.patterns.gray_code import GrayCode
 from retrue.patterns.pattern import Pattern
 from retrue.rig import Rig, require_rig
+from retrue.shown import ShortRepr, Shown, counted
 from retrue.simulation.built_in_scenes import SCENES, built_in_scene, meeting_distance
 from retrue.simulation.camera_model import CameraModel
 from retrue.simulation.mitsuba_check import require_true_dots
@@ -28,8 +29,8 @@ GRAY_POINTS_EVERY = 16  # projector pixels, of a Gray code's true correspondence
 Progress = Callable[[int, int], None]
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class Simulated(ByValue):
+@dataclass(frozen=True, slots=True, eq=False, repr=False)
+class Simulated(ByValue, ShortRepr):
     """What `simulate` made.
 
     Attributes
@@ -42,6 +43,11 @@ class Simulated(ByValue):
     pictures: Mapping[str, Image]
     truth: Truth
     dot_errors_px: Mapping[str, float]
+
+    def _shown(self) -> Shown:
+        height, width = self.truth.depth.shape
+        title = f"{counted(len(self.pictures), 'picture')} of {width} x {height} px"
+        return title, {"truth": f"depth, and {counted(len(self.truth.camera_px), 'point')} of the pattern"}
 
 
 def simulate(
