@@ -122,12 +122,6 @@ def test_scattered_points_have_no_surfaces():
         make_cad(replace(cloud_of(wave), cells=None))
 
 
-@pytest.mark.parametrize("tolerance", [0.0, -1.0, float("nan"), float("inf")])
-def test_a_tolerance_is_positive(tolerance):
-    with pytest.raises(InputError, match="cad_tolerance: expected a positive length"):
-        make_cad(cloud_of(wave), CadOptions(cad_tolerance=tolerance))
-
-
 def test_points_far_from_each_other_have_no_surfaces():
     cloud = cloud_of(wave)
     apart = replace(cloud.select(slice(None, None, 97)), cells=2 * cloud.cells[::97])
