@@ -9,6 +9,7 @@ from typing import Any, get_args, get_type_hints
 import pytest
 
 import retrue
+from retrue.cli.main import main
 from retrue.errors import InputError
 from retrue.ranges import Range, check_ranges, declared_ranges, ranged
 
@@ -99,3 +100,10 @@ def test_numbers_of_numpy_are_numbers() -> None:
     assert Some(np.float32(0.25), np.int64(2)) == Some(0.25, 2)
     with pytest.raises(InputError, match="count: expected a whole number, 1 or more, found"):
         Some(count=np.float64(2.0))  # type: ignore[arg-type]
+
+
+def test_the_command_line_says_it_in_one_line(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["recalibrate", "rig.json", "points.csv", "--out", "new.json", "--max-outliers", "nan"]) == 2
+    assert capsys.readouterr().err == "retrue: --max-outliers: expected 0 to 1, found nan\n"
+    assert main(["recalibrate", "rig.json", "points.csv", "--out", "new.json", "--min-points", "2"]) == 2
+    assert capsys.readouterr().err == "retrue: --min-points: expected a whole number, 4 or more, found 2\n"
