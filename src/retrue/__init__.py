@@ -27,7 +27,6 @@ if TYPE_CHECKING:
     from retrue.files.rigs import write_rig as write_rig
     from retrue.files.step import write_step as write_step
     from retrue.geometry.camera import Camera as Camera
-    from retrue.geometry.compiled import load_kernels as load_kernels
     from retrue.geometry.homography import fit_homography as fit_homography
     from retrue.geometry.planar_pose import PlanarPose as PlanarPose
     from retrue.geometry.planar_pose import planar_pose_candidates as planar_pose_candidates
@@ -88,7 +87,6 @@ _HOMES = {
     "fill_holes": "reconstruction.holes",
     "fit_homography": "geometry.homography",
     "fit_homography_robust": "geometry.robust_homography",
-    "load_kernels": "geometry.compiled",
     "make_cad": "cad.make_cad",
     "make_mesh": "reconstruction.mesh",
     "planar_pose_candidates": "geometry.planar_pose",
