@@ -35,8 +35,10 @@ def fit_homography(
     """
     cython.declare(i=cython.Py_ssize_t)
     work: cython.double[:, ::1] = np.empty((7, source.shape[0]))
-    block: cython.double[:, ::1] = np.empty((26, BLOCK))  # the terms of a block of points
-    N = block[15:]  # the normal equations; their right side, then solution; H: nine numbers a row
+    block: cython.double[:, ::1] = np.empty((15, BLOCK))  # the terms of a block of points
+    h = cython.declare(cython.double[9])
+    for i in range(BLOCK):
+        block[11, i] = 1.0  # the last of x0^2, x0 x1, x0, x1^2, x1, 1
     frames = cython.declare(cython.double[6])
     if not _prepare(source, target, weights, work, frames):
         return False
@@ -44,13 +46,12 @@ def fit_homography(
     if start.shape[0] == 9:
         small_pivots = 9
         for i in range(9):
-            N[10, i] = start[i]
-    elif not _fit_linear(work, block, N):
+            h[i] = start[i]
+    elif not _fit_linear(work, block, h):
         return False
     vs, vt = source_sigma * frames[0], target_sigma * frames[3]
-    if not _refine(work, block, N, vs * vs, vt * vt, iterations, settled, small_pivots):
-        return False
-    return _write(N, frames, source, out)
+    refined = _refine(work, block, h, vs * vs, vt * vt, iterations, settled, small_pivots)
+    return refined and _write(h, frames, source, out)
 
 
 @cython.cfunc
@@ -68,7 +69,7 @@ def _prepare(
     count = source.shape[0]
     if count < 4 or target.shape[0] != count or source.shape[1] != 2 or target.shape[1] != 2:
         return False
-    if weights.shape[0] != 0 and weights.shape[0] != count:
+    if not (weights.shape[0] == 0 or weights.shape[0] == count):
         return False
     for k in range(count):
         work[6, k] = weights[k] if weights.shape[0] != 0 else 1.0
@@ -117,9 +118,10 @@ def _normalise(
 @cython.cfunc
 @cython.nogil
 @cython.exceptval(check=False)
-def _fit_linear(work: cython.double[:, ::1], block: cython.double[:, ::1], N: cython.double[:, ::1]) -> cython.bint:
-    """N[10] <- the H of eq. (13), by inverse iteration; False where it is not plainly determined."""
+def _fit_linear(work: cython.double[:, ::1], block: cython.double[:, ::1], h: cython.p_double) -> cython.bint:
+    """h <- the H of eq. (13), by inverse iteration; False where it is not plainly determined."""
     cython.declare(i=cython.Py_ssize_t, j=cython.Py_ssize_t, k=cython.Py_ssize_t)
+    N = cython.declare(cython.double[81])
     M = cython.declare(cython.double[36])
     for i in range(36):
         M[i] = 0.0
@@ -137,15 +139,13 @@ def _fit_linear(work: cython.double[:, ::1], block: cython.double[:, ::1], N: cy
     _unfold(M, N)
     tiny = TINY * _trace(N)
     for i in range(9):
-        N[i, i] += tiny
-        N[9, i] = 1.0 if i % 4 == 0 else 0.0
+        N[10 * i] += tiny
+        h[i] = 1.0 if i % 4 == 0 else 0.0
     if not 0 <= _factorise(N) <= 1:
         return False
     for _ in range(INVERSE_ITERATIONS):
-        _substitute(N)
-        _to_unit_length(N, 9)
-    for i in range(9):
-        N[10, i] = N[9, i]
+        _substitute(N, h)
+        _to_unit_length(h)
     return True
 
 
@@ -155,31 +155,33 @@ def _fit_linear(work: cython.double[:, ::1], block: cython.double[:, ::1], N: cy
 def _refine(
     work: cython.double[:, ::1],
     block: cython.double[:, ::1],
-    N: cython.double[:, ::1],
+    h: cython.p_double,
     source_variance: cython.double,
     target_variance: cython.double,
     iterations: cython.int,
     settled: cython.double,
     small_pivots: cython.int,
 ) -> cython.bint:
-    """Gauss-Newton steps of N[10]; False where the normal equations have more small pivots than that."""
+    """Gauss-Newton steps of h; False where the normal equations have more small pivots than that."""
     cython.declare(i=cython.Py_ssize_t, j=cython.Py_ssize_t)
+    N = cython.declare(cython.double[81])
+    g = cython.declare(cython.double[9])
     vs = source_variance / (source_variance + target_variance)
     vt = target_variance / (source_variance + target_variance)
     for _ in range(iterations):
-        _gauss_newton(work, block, N, vs, vt)
+        _gauss_newton(work, block, h, N, g, vs, vt)
         trace = _trace(N)
         for i in range(9):
             for j in range(9):
-                N[i, j] += trace * N[10, i] * N[10, j]  # the scale of H is free: hold it
+                N[9 * i + j] += trace * h[i] * h[j]  # the scale of H is free: hold it
         if not 0 <= _factorise(N) <= small_pivots:
             return False
-        _substitute(N)
+        _substitute(N, g)
         largest = 0.0
         for i in range(9):
-            N[10, i] += N[9, i]
-            largest = max(largest, fabs(N[9, i]))
-        if not _to_unit_length(N, 10):
+            h[i] += g[i]
+            largest = max(largest, fabs(g[i]))
+        if not _to_unit_length(h):
             return False
         if largest < settled:
             break
@@ -192,19 +194,21 @@ def _refine(
 def _gauss_newton(
     work: cython.double[:, ::1],
     block: cython.double[:, ::1],
-    N: cython.double[:, ::1],
+    h: cython.p_double,
+    N: cython.p_double,
+    g: cython.p_double,
     vs: cython.double,
     vt: cython.double,
 ) -> cython.void:
-    """Normal equations at H = N[10], right side in N[9]; moves the corrected source points on."""
+    """Normal equations N, g at h; moves the corrected source points on."""
     cython.declare(i=cython.Py_ssize_t, j=cython.Py_ssize_t, k=cython.Py_ssize_t, row=cython.Py_ssize_t)
     M = cython.declare(cython.double[36])
     for i in range(36):
         M[i] = 0.0
     for i in range(9):
-        N[9, i] = 0.0
-    h00, h01, h02, h10, h11, h12 = N[10, 0], N[10, 1], N[10, 2], N[10, 3], N[10, 4], N[10, 5]
-    h20, h21, h22 = N[10, 6], N[10, 7], N[10, 8]
+        g[i] = 0.0
+    h00, h01, h02, h10, h11, h12 = h[0], h[1], h[2], h[3], h[4], h[5]
+    h20, h21, h22 = h[6], h[7], h[8]
     count = work.shape[1]
     for j in range((count + BLOCK - 1) // BLOCK):
         start = BLOCK * j
@@ -237,9 +241,9 @@ def _gauss_newton(
                 g0 += block[12 + row, i] * block[8, i]
                 g1 += block[12 + row, i] * block[10, i]
                 g2 += block[12 + row, i]
-            N[9, 3 * row] += g0
-            N[9, 3 * row + 1] += g1
-            N[9, 3 * row + 2] += g2
+            g[3 * row] += g0
+            g[3 * row + 1] += g1
+            g[3 * row + 2] += g2
     _unfold(M, N)
 
 
@@ -247,12 +251,12 @@ def _gauss_newton(
 @cython.nogil
 @cython.exceptval(check=False)
 def _accumulate(block: cython.double[:, ::1], size: cython.Py_ssize_t, M: cython.p_double) -> cython.void:
-    """M (6, 6) += A X^T over the first `size` columns: A the first six rows, X the next five and a row of ones."""
+    """M (6, 6) += A X^T over the first `size` columns: A the first six rows, X the next six."""
     cython.declare(b=cython.Py_ssize_t, i=cython.Py_ssize_t)
     for b in range(6):
         m0, m1, m2, m3, m4, m5 = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
         for i in range(size):
-            x = block[6 + b, i] if b < 5 else 1.0
+            x = block[6 + b, i]
             m0 += block[0, i] * x
             m1 += block[1, i] * x
             m2 += block[2, i] * x
@@ -270,7 +274,7 @@ def _accumulate(block: cython.double[:, ::1], size: cython.Py_ssize_t, M: cython
 @cython.cfunc
 @cython.nogil
 @cython.exceptval(check=False)
-def _unfold(M: cython.p_double, N: cython.double[:, ::1]) -> cython.void:
+def _unfold(M: cython.p_double, N: cython.p_double) -> cython.void:
     """The nine by nine of the six by six different products."""
     cython.declare(a=cython.Py_ssize_t, b=cython.Py_ssize_t, i=cython.Py_ssize_t, j=cython.Py_ssize_t)
     for a in range(3):
@@ -278,7 +282,7 @@ def _unfold(M: cython.p_double, N: cython.double[:, ::1]) -> cython.void:
             row = _index(a, b)
             for i in range(3):
                 for j in range(3):
-                    N[3 * a + i, 3 * b + j] = M[6 * row + _index(i, j)]
+                    N[9 * (3 * a + i) + 3 * b + j] = M[6 * row + _index(i, j)]
 
 
 @cython.cfunc
@@ -293,72 +297,75 @@ def _index(i: cython.Py_ssize_t, j: cython.Py_ssize_t) -> cython.Py_ssize_t:
 @cython.cfunc
 @cython.nogil
 @cython.exceptval(check=False)
-def _factorise(N: cython.double[:, ::1]) -> cython.int:
-    """Lower triangle of the 9 by 9 <- its Cholesky factor; returns how many pivots are small. -1 where not definite."""
+def _factorise(N: cython.p_double) -> cython.int:
+    """Lower triangle of the 9 by 9 <- its Cholesky factor, one over it on the diagonal.
+
+    Returns how many pivots are small; -1 where the matrix is not definite.
+    """
     cython.declare(i=cython.Py_ssize_t, j=cython.Py_ssize_t, k=cython.Py_ssize_t)
     largest, small = 0.0, 0
     for j in range(9):
-        largest = max(largest, N[j, j])
+        largest = max(largest, N[10 * j])
     for j in range(9):
-        pivot = N[j, j]
+        pivot = N[10 * j]
         for k in range(j):
-            pivot -= N[j, k] * N[j, k]
+            pivot -= N[9 * j + k] * N[9 * j + k]
         if not pivot > 0:
             return -1
         if pivot < SMALLEST_PIVOT * largest:
             small += 1
-        N[j, j] = sqrt(pivot)
-        inverse = 1 / N[j, j]
+        inverse = 1 / sqrt(pivot)
+        N[10 * j] = inverse
         for i in range(j + 1, 9):
-            total = N[i, j]
+            total = N[9 * i + j]
             for k in range(j):
-                total -= N[i, k] * N[j, k]
-            N[i, j] = total * inverse
+                total -= N[9 * i + k] * N[9 * j + k]
+            N[9 * i + j] = total * inverse
     return small
 
 
 @cython.cfunc
 @cython.nogil
 @cython.exceptval(check=False)
-def _substitute(N: cython.double[:, ::1]) -> cython.void:
-    """N[9] <- (L L^T)^-1 N[9], L the factor in the rows above."""
+def _substitute(N: cython.p_double, g: cython.p_double) -> cython.void:
+    """g <- (L L^T)^-1 g, L the factor that N holds."""
     cython.declare(i=cython.Py_ssize_t, k=cython.Py_ssize_t)
     for i in range(9):
-        total = N[9, i]
+        total = g[i]
         for k in range(i):
-            total -= N[i, k] * N[9, k]
-        N[9, i] = total / N[i, i]
+            total -= N[9 * i + k] * g[k]
+        g[i] = total * N[10 * i]
     for i in range(8, -1, -1):
-        total = N[9, i]
+        total = g[i]
         for k in range(i + 1, 9):
-            total -= N[k, i] * N[9, k]
-        N[9, i] = total / N[i, i]
+            total -= N[9 * k + i] * g[k]
+        g[i] = total * N[10 * i]
 
 
 @cython.cfunc
 @cython.nogil
 @cython.exceptval(check=False)
-def _to_unit_length(N: cython.double[:, ::1], row: cython.Py_ssize_t) -> cython.bint:
+def _to_unit_length(h: cython.p_double) -> cython.bint:
     cython.declare(i=cython.Py_ssize_t)
     square = 0.0
     for i in range(9):
-        square += N[row, i] * N[row, i]
+        square += h[i] * h[i]
     if not square > 0:
         return False
     inverse = 1 / sqrt(square)
     for i in range(9):
-        N[row, i] *= inverse
+        h[i] *= inverse
     return True
 
 
 @cython.cfunc
 @cython.nogil
 @cython.exceptval(check=False)
-def _trace(N: cython.double[:, ::1]) -> cython.double:
+def _trace(N: cython.p_double) -> cython.double:
     cython.declare(i=cython.Py_ssize_t)
     total = 0.0
     for i in range(9):
-        total += N[i, i]
+        total += N[10 * i]
     return total
 
 
@@ -366,7 +373,7 @@ def _trace(N: cython.double[:, ::1]) -> cython.double:
 @cython.nogil
 @cython.exceptval(check=False)
 def _write(
-    N: cython.double[:, ::1],
+    h: cython.p_double,
     frames: cython.p_double,
     source: cython.const[cython.double][:, ::1],
     out: cython.double[:, ::1],
@@ -374,8 +381,8 @@ def _write(
     """`out` <- T^-1 H S, T and S the frames, of norm 1, with most points in front."""
     cython.declare(i=cython.Py_ssize_t, j=cython.Py_ssize_t, k=cython.Py_ssize_t)
     for i in range(3):
-        out[i, 0], out[i, 1] = N[10, 3 * i] * frames[0], N[10, 3 * i + 1] * frames[0]
-        out[i, 2] = N[10, 3 * i + 2] - out[i, 0] * frames[1] - out[i, 1] * frames[2]
+        out[i, 0], out[i, 1] = h[3 * i] * frames[0], h[3 * i + 1] * frames[0]
+        out[i, 2] = h[3 * i + 2] - out[i, 0] * frames[1] - out[i, 1] * frames[2]
     square = 0.0
     for j in range(3):
         for i in range(2):

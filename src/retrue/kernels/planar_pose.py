@@ -18,6 +18,7 @@ Vector = cython.struct(x=cython.double, y=cython.double, z=cython.double)
 
 
 @cython.cfunc
+@cython.inline
 @cython.nogil
 @cython.exceptval(check=False)
 def _dot(a: Vector, b: Vector) -> cython.double:
@@ -25,6 +26,7 @@ def _dot(a: Vector, b: Vector) -> cython.double:
 
 
 @cython.cfunc
+@cython.inline
 @cython.nogil
 @cython.exceptval(check=False)
 def _cross(a: Vector, b: Vector) -> Vector:
@@ -32,6 +34,7 @@ def _cross(a: Vector, b: Vector) -> Vector:
 
 
 @cython.cfunc
+@cython.inline
 @cython.nogil
 @cython.exceptval(check=False)
 def _combined(p: cython.double, a: Vector, q: cython.double, b: Vector) -> Vector:
@@ -40,6 +43,7 @@ def _combined(p: cython.double, a: Vector, q: cython.double, b: Vector) -> Vecto
 
 
 @cython.cfunc
+@cython.inline
 @cython.nogil
 @cython.exceptval(check=False)
 def _scaled(p: cython.double, a: Vector) -> Vector:
@@ -47,6 +51,7 @@ def _scaled(p: cython.double, a: Vector) -> Vector:
 
 
 @cython.cfunc
+@cython.inline
 @cython.nogil
 @cython.exceptval(check=False)
 def _times(r1: Vector, r2: Vector, r3: Vector, v: Vector) -> Vector:
@@ -55,6 +60,7 @@ def _times(r1: Vector, r2: Vector, r3: Vector, v: Vector) -> Vector:
 
 
 @cython.cfunc
+@cython.inline
 @cython.nogil
 @cython.exceptval(check=False)
 def _far_eigenvector(m1: Vector, m2: Vector, m3: Vector) -> Vector:
@@ -91,6 +97,7 @@ def _far_eigenvector(m1: Vector, m2: Vector, m3: Vector) -> Vector:
 
 
 @cython.cfunc
+@cython.inline
 @cython.nogil
 @cython.exceptval(check=False)
 def _perpendicular(v: Vector) -> Vector:
@@ -160,6 +167,7 @@ def _solve(
 
 
 @cython.cfunc
+@cython.inline
 @cython.nogil
 @cython.exceptval(check=False)
 def _write_pose(
@@ -186,12 +194,13 @@ def _write_pose(
     _write(_combined3(u.y, r1, e2.y, r2, e3.y, r3), out, row + 1)
     _write(_combined3(u.z, r1, e2.z, r2, e3.z, r3), out, row + 2)
     _write(_scaled(length, u), out, row + 3)
-    normal = Vector(m.x / length, m.y / length, m.z / length)
+    normal = _scaled(1 / length, m)
     _write(normal, out, row + 4)
     return _dot(normal, ray)
 
 
 @cython.cfunc
+@cython.inline
 @cython.nogil
 @cython.exceptval(check=False)
 def _combined3(p: cython.double, a: Vector, q: cython.double, b: Vector, r: cython.double, c: Vector) -> Vector:
@@ -200,6 +209,7 @@ def _combined3(p: cython.double, a: Vector, q: cython.double, b: Vector, r: cyth
 
 
 @cython.cfunc
+@cython.inline
 @cython.nogil
 @cython.exceptval(check=False)
 def _write(v: Vector, out: cython.double[:, ::1], row: cython.Py_ssize_t) -> cython.void:
