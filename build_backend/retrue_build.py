@@ -107,6 +107,7 @@ class BuildKernels(build_ext):
     def _translate(self, changed: list[Extension]) -> None:
         """Write their C, of a copy of each source that knows its own hash, and make that what is compiled."""
         from Cython.Build import cythonize
+        from Cython.Compiler.Errors import CompileError
 
         folder = KEPT / "c" / PACKAGE.replace(".", "/")
         folder.mkdir(parents=True, exist_ok=True)
@@ -120,9 +121,12 @@ class BuildKernels(build_ext):
                 copy = copy.with_suffix(".py")
                 copy.write_bytes(source + f'SOURCE_SHA256 = "{sha256(source).hexdigest()}"\n'.encode())
             copies.append(Extension(kernel.name, [copy.as_posix()]))
-        translated = cythonize(
-            copies, force=True, quiet=True, compiler_directives=DIRECTIVES, shared_utility_qualified_name=SHARED
-        )
+        try:
+            translated = cythonize(
+                copies, force=True, quiet=True, compiler_directives=DIRECTIVES, shared_utility_qualified_name=SHARED
+            )
+        except CompileError as error:  # Cython has said which and where
+            raise SystemExit("kernels: not compiled") from error
         for kernel, done in zip(changed, translated, strict=True):
             kernel.sources = done.sources
 

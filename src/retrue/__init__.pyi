@@ -40,7 +40,6 @@ from retrue.files.rigs import read_rig as read_rig
 from retrue.files.rigs import write_rig as write_rig
 from retrue.files.step import write_step as write_step
 from retrue.geometry.camera import Camera as Camera
-from retrue.geometry.compiled import load_kernels as load_kernels
 from retrue.geometry.homography import fit_homography as fit_homography
 from retrue.geometry.planar_pose import PlanarPose as PlanarPose
 from retrue.geometry.planar_pose import planar_pose_candidates as planar_pose_candidates

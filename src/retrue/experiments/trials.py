@@ -11,7 +11,6 @@ from typing import TypeVar
 import numpy as np
 
 from retrue.geometry.arrays import FloatArray
-from retrue.geometry.compiled import load_kernels
 
 C = TypeVar("C")
 TRIALS_A_STREAM = 50  # trials that share one random stream
@@ -55,7 +54,6 @@ def run_trials(
             progress(len(done), len(jobs))
 
     if workers == 1:
-        load_kernels()
         for job in jobs:
             collect(_run(job))
     else:
@@ -72,7 +70,6 @@ def _run(job: tuple[Trial[C], C, int, np.random.SeedSequence]) -> FloatArray:
 
 
 def _start_worker() -> None:
-    load_kernels()
     from retrue.experiments.peers import single_threaded
 
     single_threaded()
