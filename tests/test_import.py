@@ -17,6 +17,7 @@ PUBLIC = [
     "PoseCandidate", "PoseChange", "PoseSigma", "Reason", "RecalibrateOptions", "ReconstructOptions", "Refused",
     "RefusedCalibration", "RetrueError", "Rig", "RigidTransform", "RobustHomography", "SimulateOptions",
     "Simulated", "StereoCapture", "Verification", "VerifyOptions", "calibrate", "cloud_picture", "decode",
+    "epipolar_residuals", "fill_holes", "fit_homography", "fit_homography_robust", "make_cad",
     "make_color_grid", "make_mesh", "parse_board", "planar_pose_candidates", "planar_pose_candidates_batch",
     "read_board_capture", "read_board_captures", "read_capture", "read_device", "read_folder", "read_history",
     "read_image", "read_pattern", "read_points", "read_rig", "recalibrate", "reconstruct", "residual_picture",
