@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from retrue.geometry.arrays import FloatArray, IntArray
-from retrue.geometry.compiling import MATRIX, OUT_MATRIX, OUT_VECTOR, STACK, compiled, numba
+from retrue.kernels import blobs as kernel
 
 DISPLAY_GAMMA = 2.2
 PURE_SHARE = 0.06  # of the blocks, the purest red ones (green, blue) that show what red light looks like
@@ -38,23 +38,12 @@ class Colors:
         return _nearest(amounts / np.maximum(level, 1e-9), self.centres)
 
 
-def local_level(amounts: FloatArray) -> FloatArray:
-    """Level of white (N, 3) from the amounts (N, M, 3) in M blocks around each: the brightest of each channel."""
-    level = np.empty((len(amounts), 3))
-    _brightest(np.ascontiguousarray(amounts), level)
+def local_level(amounts: FloatArray, around: IntArray) -> FloatArray:
+    """Level of white (N, 3) about each block: of each channel the brightest of `amounts` (M, 3) in the blocks `around`
+    it, (N, K) indices or -1, but not below a part of the brightest channel."""
+    level = np.empty((len(around), 3))
+    kernel.brightest(amounts, around, level)
     return level
-
-
-@compiled(numba.void(STACK, OUT_MATRIX))
-def _brightest(amounts: FloatArray, level: FloatArray) -> None:
-    for n in range(len(amounts)):
-        level[n] = amounts[n, 0]
-        for m in range(1, amounts.shape[1]):
-            for c in range(3):
-                level[n, c] = max(level[n, c], amounts[n, m, c])
-        least = 0.15 * max(level[n, 0], level[n, 1], level[n, 2])
-        for c in range(3):
-            level[n, c] = max(level[n, c], least)
 
 
 def separate_colors(added: FloatArray, around: IntArray, palette: ArrayLike) -> tuple[Colors, IntArray, FloatArray]:
@@ -69,9 +58,7 @@ def separate_colors(added: FloatArray, around: IntArray, palette: ArrayLike) -> 
     centres = palette / np.maximum(palette.max(axis=0), 1e-9)
     unmixing = _unmixing(np.maximum(added, 0.0), palette)
     amounts = Colors(unmixing, centres).amounts(added)
-    seen = amounts / np.maximum(
-        local_level(amounts[np.where(around >= 0, around, np.arange(len(amounts))[:, None])]), 1e-9
-    )
+    seen = amounts / np.maximum(local_level(amounts, around), 1e-9)
     for _ in range(ROUNDS):
         label, margin = _nearest(seen, centres)
         member = np.where(margin > SURE_MARGIN, label, len(centres))
@@ -107,21 +94,6 @@ def _unmixing(light: FloatArray, palette: FloatArray) -> FloatArray:
 
 
 def _nearest(seen: FloatArray, centres: FloatArray) -> tuple[IntArray, FloatArray]:
-    label, margin = np.zeros(len(seen), dtype=np.int64), np.zeros(len(seen))
-    _find_nearest(np.ascontiguousarray(seen), np.ascontiguousarray(centres), label, margin)
+    label, margin = np.empty(len(seen), np.int64), np.empty(len(seen))
+    kernel.nearest_colors(seen, centres, label, margin)
     return label, margin
-
-
-@compiled(numba.void(MATRIX, MATRIX, numba.types.Array(numba.int64, 1, "C"), OUT_VECTOR))
-def _find_nearest(seen: FloatArray, centres: FloatArray, label: IntArray, margin: FloatArray) -> None:
-    for n in range(len(seen)):
-        first, second = np.inf, np.inf
-        for k in range(len(centres)):
-            r, g, b = seen[n, 0] - centres[k, 0], seen[n, 1] - centres[k, 1], seen[n, 2] - centres[k, 2]
-            distance = r * r + g * g + b * b
-            if distance < first:
-                first, second, label[n] = distance, first, k
-            elif distance < second:
-                second = distance
-        first, second = np.sqrt(first), np.sqrt(second)
-        margin[n] = (second - first) / max(second + first, 1e-9)
