@@ -15,9 +15,7 @@ NAN = cython.declare(cython.double, float("nan"))
 INFINITY = cython.declare(cython.double, float("inf"))
 
 
-def count_changes(
-    height: cython.const[cython.uchar][:, ::1], counts: cython.longlong[::1]
-) -> cython.void:
+def count_changes(height: cython.const[cython.uchar][:, ::1], counts: cython.longlong[::1]) -> cython.void:
     """`counts` (511,) += how often each size of the second difference occurs along every seventh row."""
     y: cython.Py_ssize_t
     x: cython.Py_ssize_t

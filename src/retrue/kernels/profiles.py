@@ -20,25 +20,47 @@ Color = cython.struct(red=cython.double, green=cython.double, blue=cython.double
 @cython.nogil
 @cython.inline
 @cython.exceptval(check=False)
-def _bilinear(picture: cython.const[Pixel][:, :, ::1], x: cython.double, y: cython.double) -> Color:
-    """The colour of `picture` (h, w, 3) at (x, y); outside as at its border. It has two rows and columns, or more."""
-    right, bottom = picture.shape[1] - 1, picture.shape[0] - 1
-    x = min(x, cython.cast(cython.double, right)) if x > 0 else 0.0  # NaN, too, stays inside
-    y = min(y, cython.cast(cython.double, bottom)) if y > 0 else 0.0
-    c: cython.Py_ssize_t = min(cython.cast(cython.Py_ssize_t, x), right - 1)
-    r: cython.Py_ssize_t = min(cython.cast(cython.Py_ssize_t, y), bottom - 1)
-    fx, fy = x - c, y - r
+def _bilinear(
+    pixels: cython.const[Pixel][::1],
+    height: cython.Py_ssize_t,
+    width: cython.Py_ssize_t,
+    levels: cython.const[cython.double][::1],
+    x: cython.double,
+    y: cython.double,
+) -> Color:
+    """The colour at (x, y) of a picture of two rows and columns or more; outside as at its border.
+
+    `pixels` (height width 3,) are its own; `levels` is the number that each value of them is, which is quicker looked
+    up than converted.
+    """
+    column: cython.Py_ssize_t
+    row: cython.Py_ssize_t
+    i: cython.Py_ssize_t
+    j: cython.Py_ssize_t
+    if 0 <= x < width - 1 and 0 <= y < height - 1:
+        column, row = cython.cast(cython.Py_ssize_t, x), cython.cast(cython.Py_ssize_t, y)
+    else:
+        x = min(x, width - 1.0) if x > 0 else 0.0  # NaN, too, stays inside
+        y = min(y, height - 1.0) if y > 0 else 0.0
+        column, row = cython.cast(cython.Py_ssize_t, x), cython.cast(cython.Py_ssize_t, y)
+        column, row = min(column, width - 2), min(row, height - 2)
+    fx, fy = x - column, y - row
     d = fx * fy
-    a, b, e = 1 - fx - fy + d, fx - d, fy - d
+    a, b, c = 1 - fx - fy + d, fx - d, fy - d
+    i = 3 * (row * width + column)
+    j = i + 3 * width
     return Color(
-        a * picture[r, c, 0] + b * picture[r, c + 1, 0] + e * picture[r + 1, c, 0] + d * picture[r + 1, c + 1, 0],
-        a * picture[r, c, 1] + b * picture[r, c + 1, 1] + e * picture[r + 1, c, 1] + d * picture[r + 1, c + 1, 1],
-        a * picture[r, c, 2] + b * picture[r, c + 1, 2] + e * picture[r + 1, c, 2] + d * picture[r + 1, c + 1, 2],
+        a * levels[pixels[i]] + b * levels[pixels[i + 3]] + c * levels[pixels[j]] + d * levels[pixels[j + 3]],
+        a * levels[pixels[i + 1]] + b * levels[pixels[i + 4]] + c * levels[pixels[j + 1]] + d * levels[pixels[j + 4]],
+        a * levels[pixels[i + 2]] + b * levels[pixels[i + 5]] + c * levels[pixels[j + 2]] + d * levels[pixels[j + 5]],
     )
 
 
 def weigh_channels(
-    picture: cython.const[Pixel][:, :, ::1],
+    pixels: cython.const[Pixel][::1],
+    height: cython.Py_ssize_t,
+    width: cython.Py_ssize_t,
+    levels: cython.const[cython.double][::1],
     position: cython.const[cython.double][:, ::1],
     right: cython.const[cython.double][:, ::1],
     down: cython.const[cython.double][:, ::1],
@@ -56,9 +78,15 @@ def weigh_channels(
             ux, uy, vx, vy = 0.5 * right[n, 0], 0.5 * right[n, 1], 0.5 * down[n, 0], 0.5 * down[n, 1]
             if not isfinite(x + ux + vx):
                 continue
-            after, before = _bilinear(picture, x + ux, y + uy), _bilinear(picture, x - ux, y - uy)
-            below, above = _bilinear(picture, x + vx, y + vy), _bilinear(picture, x - vx, y - vy)
-            here = _bilinear(picture, x, y)
+            after, before = (
+                _bilinear(pixels, height, width, levels, x + ux, y + uy),
+                _bilinear(pixels, height, width, levels, x - ux, y - uy),
+            )
+            below, above = (
+                _bilinear(pixels, height, width, levels, x + vx, y + vy),
+                _bilinear(pixels, height, width, levels, x - vx, y - vy),
+            )
+            here = _bilinear(pixels, height, width, levels, x, y)
             red = here.red - min(after.red, before.red, below.red, above.red)
             green = here.green - min(after.green, before.green, below.green, above.green)
             blue = here.blue - min(after.blue, before.blue, below.blue, above.blue)
@@ -72,7 +100,10 @@ def weigh_channels(
 @cython.inline
 @cython.exceptval(check=False)
 def _read_profile(
-    picture: cython.const[Pixel][:, :, ::1],
+    pixels: cython.const[Pixel][::1],
+    height: cython.Py_ssize_t,
+    width: cython.Py_ssize_t,
+    levels: cython.const[cython.double][::1],
     weights: cython.const[cython.double][:, ::1],
     n: cython.Py_ssize_t,
     x: cython.double,
@@ -93,7 +124,7 @@ def _read_profile(
         red, green, blue = 0.0, 0.0, 0.0
         along_x, along_y = x + t[i] * ux, y + t[i] * uy
         for k in range(lines):
-            color = _bilinear(picture, along_x + s[k] * vx, along_y + s[k] * vy)
+            color = _bilinear(pixels, height, width, levels, along_x + s[k] * vx, along_y + s[k] * vy)
             red += color.red
             green += color.green
             blue += color.blue
@@ -101,7 +132,10 @@ def _read_profile(
 
 
 def fit_profiles(
-    picture: cython.const[Pixel][:, :, ::1],
+    pixels: cython.const[Pixel][::1],
+    height: cython.Py_ssize_t,
+    width: cython.Py_ssize_t,
+    levels: cython.const[cython.double][::1],
     blur_px: cython.double,
     t: cython.const[cython.double][::1],
     s: cython.const[cython.double][::1],
@@ -133,20 +167,20 @@ def fit_profiles(
             ux, uy, vx, vy = right[n, 0], right[n, 1], down[n, 0], down[n, 1]
             for axis in range(2):
                 if axis == 0:
-                    _read_profile(picture, weights, n, x, y, ux, uy, vx, vy, t, s, profile)
+                    _read_profile(pixels, height, width, levels, weights, n, x, y, ux, uy, vx, vy, t, s, profile)
                     pitch = sqrt(ux * ux + uy * uy)
                 else:
-                    _read_profile(picture, weights, n, x, y, vx, vy, ux, uy, t, s, profile)
+                    _read_profile(pixels, height, width, levels, weights, n, x, y, vx, vy, ux, uy, t, s, profile)
                     pitch = sqrt(vx * vx + vy * vy)
                 blur = blur_px / max(pitch, 1e-6)
                 kind: cython.Py_ssize_t = 0
                 while kind < borders.shape[0] and borders[kind] < blur:
                     kind += 1
-                height, moved = 0.0, 0.0
+                lit, moved = 0.0, 0.0
                 for i in range(samples):
-                    height += filters[kind, 0, i] * profile[i]
+                    lit += filters[kind, 0, i] * profile[i]
                     moved += filters[kind, 1, i] * profile[i]
-                off = min(max(moved / max(height, 1e-6), -FARTHEST_FIT), FARTHEST_FIT)
+                off = min(max(moved / max(lit, 1e-6), -FARTHEST_FIT), FARTHEST_FIT)
                 if axis == 0:
                     position[n, 0], position[n, 1] = position[n, 0] + off * ux, position[n, 1] + off * uy
                 else:
@@ -154,7 +188,10 @@ def fit_profiles(
 
 
 def fit_sides(
-    picture: cython.const[Pixel][:, :, ::1],
+    pixels: cython.const[Pixel][::1],
+    height: cython.Py_ssize_t,
+    width: cython.Py_ssize_t,
+    levels: cython.const[cython.double][::1],
     t: cython.const[cython.double][::1],
     s: cython.const[cython.double][::1],
     weights: cython.const[cython.double][:, ::1],
@@ -182,14 +219,18 @@ def fit_sides(
             for side in range(4):
                 sign = 1.0 if side % 2 == 0 else -1.0
                 if side < 2:
-                    _read_profile(picture, weights, n, x, y, sign * ux, sign * uy, vx, vy, t, s, profile)
+                    _read_profile(
+                        pixels, height, width, levels, weights, n, x, y, sign * ux, sign * uy, vx, vy, t, s, profile
+                    )
                 else:
-                    _read_profile(picture, weights, n, x, y, sign * vx, sign * vy, ux, uy, t, s, profile)
+                    _read_profile(
+                        pixels, height, width, levels, weights, n, x, y, sign * vx, sign * vy, ux, uy, t, s, profile
+                    )
                 total, last = 0.0, profile[samples - 1]
                 for i in range(samples):
                     total += profile[i]
-                height = (total / samples - last) / max(profile[0] - last, 1e-6)
-                off = sign * (min(max(height, 0.0), 1.0) - 0.5) * half
+                share = (total / samples - last) / max(profile[0] - last, 1e-6)
+                off = sign * (min(max(share, 0.0), 1.0) - 0.5) * half
                 if side < 2:
                     along_u += off
                 else:
@@ -326,7 +367,10 @@ def _changes(
 
 
 def look_at_patches(
-    picture: cython.const[Pixel][:, :, ::1],
+    pixels: cython.const[Pixel][::1],
+    height: cython.Py_ssize_t,
+    width: cython.Py_ssize_t,
+    levels: cython.const[cython.double][::1],
     position: cython.const[cython.double][:, ::1],
     u: cython.const[cython.double][:, ::1],
     v: cython.const[cython.double][:, ::1],
@@ -361,7 +405,7 @@ def look_at_patches(
                 x, y = position[n, 0] + b * v[n, 0], position[n, 1] + b * v[n, 1]
                 for j in range(PATCH):
                     a = (j - mid) * spacing
-                    color = _bilinear(picture, x + a * u[n, 0], y + a * u[n, 1])
+                    color = _bilinear(pixels, height, width, levels, x + a * u[n, 0], y + a * u[n, 1])
                     patch[i, j, 0], patch[i, j, 1], patch[i, j, 2] = color.red, color.green, color.blue
                     red, green, blue = min(red, color.red), min(green, color.green), min(blue, color.blue)
             color = Color(

@@ -9,6 +9,7 @@ from math import erf
 import cv2
 import numpy as np
 
+from retrue.decoding.blocks.growth import readable
 from retrue.decoding.blocks.surface import Joints, agreement, bend_changes, median, slopes
 from retrue.geometry.arrays import BoolArray, FloatArray, Image, IntArray
 from retrue.kernels import profiles as kernel
@@ -78,7 +79,7 @@ def refine_centres(image: Image, coarse: FloatArray, joints: Joints, duty: float
         return Centres(np.full_like(coarse, np.nan), np.full(coarse.shape[:2], np.nan))
     smooth, sharp = _Smoothed.of(image, median(pitch[known])), _Smoothed(image, BLUR)
     weights = np.zeros((known.size, 3))
-    kernel.weigh_channels(smooth.pixels, *_flat(coarse, right, down), CHANNEL_TRUST, weights)
+    kernel.weigh_channels(*readable(smooth.pixels), *_flat(coarse, right, down), CHANNEL_TRUST, weights)
 
     def measured(rows: BoolArray, start: FloatArray, profiles: _Profiles) -> FloatArray:
         """`start` with the blocks `rows` measured anew; NaN where they run away from where they were seen."""
@@ -146,12 +147,12 @@ class _Profiles:
 
     def measure(self, weights: FloatArray, blocks: IntArray, *there: FloatArray) -> None:
         """Move the last of `there`, all (N, 2): right, down, shift from centre to middle, position."""
-        room = np.empty(len(self.t))
+        room, picture = np.empty(len(self.t)), readable(self.picture.pixels)
         if len(self.filters):
-            how = self.picture.pixels, self.picture.blur_px, self.t, self.s, self.filters, BLUR_BORDERS
+            how = *picture, self.picture.blur_px, self.t, self.s, self.filters, BLUR_BORDERS
             kernel.fit_profiles(*how, weights, blocks, *there[:3], room, there[3])
         else:
-            kernel.fit_sides(self.picture.pixels, self.t, self.s, weights, blocks, *there[:3], room, there[3])
+            kernel.fit_sides(*picture, self.t, self.s, weights, blocks, *there[:3], room, there[3])
 
 
 @cache

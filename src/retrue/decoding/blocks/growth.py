@@ -53,13 +53,21 @@ class Patches:
         return offset**2 + stretch**2 + (self.skew / SKEW) ** 2 + (self.uneven / UNEVEN) ** 2
 
 
+def readable(picture: Image) -> tuple[Image, int, int, FloatArray]:
+    """`picture` (h, w, 3) as kernels read it: its pixels in a row, height, width, and the number of each value."""
+    height, width, _ = picture.shape
+    return picture.reshape(-1), height, width, np.arange(np.iinfo(picture.dtype).max + 1.0)
+
+
 def look_at(picture: Image, p: FloatArray, u: FloatArray, v: FloatArray, duty: float) -> Patches:
     """Blocks at p (N, 2) with pitches u and v; a side is where the colour turns half way into another one.
 
     The other colour is that of the gap, or of whatever hides the gap: only the block's own colour is known.
     """
     found = np.empty((len(p), 9))
-    kernel.look_at_patches(picture, p, u, v, duty, np.empty((SAMPLES, SAMPLES, 3)), np.empty(SAMPLES**2), found)
+    kernel.look_at_patches(
+        *readable(picture), p, u, v, duty, np.empty((SAMPLES, SAMPLES, 3)), np.empty(SAMPLES**2), found
+    )
     return Patches(found[:, :3], found[:, 3:5], found[:, 5:7], found[:, 7], found[:, 8])
 
 
