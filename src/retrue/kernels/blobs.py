@@ -229,7 +229,8 @@ def choose_neighbours(
     shortest: cython.double
     cosine: cython.double
     sine: cython.double
-    best: cython.double
+    best = cython.declare(cython.double[4])
+    off: cython.double
     c: cython.double
     s: cython.double
     n: cython.Py_ssize_t
@@ -261,15 +262,15 @@ def choose_neighbours(
             frame = atan2(sine, cosine) / 4  # direction 0, in [-45, 45) degrees
             cosine, sine = cos(frame), sin(frame)
             for direction in range(4):
-                best = FARTHEST * shortest
-                chosen[n, direction] = NONE
-                for m in range(candidates):
-                    x, y = cosine * step[m, 1] + sine * step[m, 2], cosine * step[m, 2] - sine * step[m, 1]
-                    flat: cython.bint = fabs(x) > fabs(y)
-                    towards = (0 if x > 0 else 2) if flat else (1 if y > 0 else 3)
-                    off = fabs(y) if flat else fabs(x)
-                    if towards == direction and off < SINE_OFF_AXIS and step[m, 0] < best:
-                        best, chosen[n, direction] = step[m, 0], near[n, m]
+                best[direction], chosen[n, direction] = FARTHEST * shortest, NONE
+            for m in range(candidates):
+                x, y = cosine * step[m, 1] + sine * step[m, 2], cosine * step[m, 2] - sine * step[m, 1]
+                if fabs(x) > fabs(y):
+                    direction, off = 0 if x > 0 else 2, fabs(y)
+                else:
+                    direction, off = 1 if y > 0 else 3, fabs(x)
+                if off < SINE_OFF_AXIS and step[m, 0] < best[direction]:
+                    best[direction], chosen[n, direction] = step[m, 0], near[n, m]
 
 
 def keep_mutual(

@@ -21,18 +21,18 @@ LEAST_FREE = cython.declare(cython.double, 0.7)  # of the places that an island 
 @cython.nogil
 @cython.inline
 @cython.exceptval(check=False)
-def _moved(
-    place: cython.longlong,
-    cell: cython.longlong,
+def _beside(
+    row: cython.longlong,
+    column: cython.longlong,
+    rotation: cython.longlong,
+    member: cython.Py_ssize_t,
     turn: cython.longlong,
     rows: cython.longlong,
     columns: cython.longlong,
 ) -> cython.longlong:
-    """Place of the block in that `cell` of the window of the block at `place`, or -1 outside."""
-    if place < 0:
-        return NONE
-    rotation, row, column = place % 4, place // (4 * columns), place // 4 % columns
-    down, right = cell // 3 - 1, cell % 3 - 1
+    """Place of that `member` of the window about the block at (row, column), or -1 outside."""
+    down: cython.longlong = member // 3 - 1
+    right: cython.longlong = member % 3 - 1
     if rotation == 0:
         row, column = row + down, column + right
     elif rotation == 1:
@@ -44,16 +44,6 @@ def _moved(
     if not (0 <= row < rows and 0 <= column < columns):
         return NONE
     return (row * columns + column) * 4 + (rotation + 4 - turn) % 4
-
-
-@cython.cfunc
-@cython.nogil
-@cython.inline
-@cython.exceptval(check=False)
-def _color(cells: cython.const[cython.longlong][:, ::1], place: cython.longlong) -> cython.longlong:
-    """The colour that the code has there."""
-    columns = cells.shape[1]
-    return cells[place // (4 * columns), place // 4 % columns]
 
 
 def look_up(
@@ -70,19 +60,19 @@ def look_up(
     """
     known: cython.bint
     n: cython.Py_ssize_t
-    cell: cython.Py_ssize_t
+    member: cython.Py_ssize_t
     with cython.nogil:
         count = keys.shape[0]
         for n in range(around.shape[0]):
             place[n] = NONE
             wanted: cython.longlong = 0
             known = count > 0
-            for cell in range(9):
-                if weight[cell] != 0:
-                    if around[n, cell] < 0:
+            for member in range(9):
+                if weight[member] != 0:
+                    if around[n, member] < 0:
                         known = False
                         break
-                    wanted += weight[cell] * label[around[n, cell]]
+                    wanted += weight[member] * label[around[n, member]]
             if not known:
                 continue
             first: cython.Py_ssize_t = 0
@@ -98,7 +88,9 @@ def look_up(
 
 
 def elect(
-    cells: cython.const[cython.longlong][:, ::1],
+    colors: cython.const[cython.longlong][::1],
+    rows: cython.Py_ssize_t,
+    columns: cython.Py_ssize_t,
     around: cython.const[cython.longlong][:, ::1],
     turn: cython.const[cython.longlong][:, ::1],
     label: cython.const[cython.longlong][::1],
@@ -121,20 +113,21 @@ def elect(
     counting: cython.Py_ssize_t
     n: cython.Py_ssize_t
     v: cython.Py_ssize_t
-    cell: cython.Py_ssize_t
+    member: cython.Py_ssize_t
     with cython.nogil:
-        rows, columns = cells.shape[0], cells.shape[1]
         for counting in range(2):
             for v in range(said.shape[0]):
                 for n in range(place.shape[0]):
                     if said[v, n] < 0:
                         continue
-                    for cell in range(9):
-                        there = around[n, cell]
+                    block = said[v, n] // 4
+                    row, column, rotation = block // columns, block % columns, said[v, n] % 4
+                    for member in range(9):
+                        there = around[n, member]
                         if there < 0 or place[there] >= 0:
                             continue
-                        where = _moved(said[v, n], cell, turn[n, cell], rows, columns)
-                        if where < 0 or (by_color and _color(cells, where) != label[there]):
+                        where = _beside(row, column, rotation, member, turn[n, member], rows, columns)
+                        if where < 0 or (by_color and colors[where // 4] != label[there]):
                             continue
                         if counting:
                             count[1, there] += votes[v]
@@ -153,7 +146,9 @@ def elect(
 
 
 def keep_undisputed(
-    cells: cython.const[cython.longlong][:, ::1],
+    colors: cython.const[cython.longlong][::1],
+    rows: cython.Py_ssize_t,
+    columns: cython.Py_ssize_t,
     around: cython.const[cython.longlong][:, ::1],
     turn: cython.const[cython.longlong][:, ::1],
     label: cython.const[cython.longlong][::1],
@@ -165,27 +160,30 @@ def keep_undisputed(
     One of a colour that is not the code's stands against half as many.
     """
     n: cython.Py_ssize_t
-    cell: cython.Py_ssize_t
+    member: cython.Py_ssize_t
     with cython.nogil:
-        rows, columns = cells.shape[0], cells.shape[1]
         for n in range(place.shape[0]):
             kept[n] = NONE
             if place[n] < 0:
                 continue
+            block = place[n] // 4
+            row, column, rotation = block // columns, block % columns, place[n] % 4
             agree, against = 0, 0
-            for cell in range(9):
-                there = around[n, cell]
-                if cell != MIDDLE and there >= 0 and place[there] >= 0:
-                    if place[there] == _moved(place[n], cell, turn[n, cell], rows, columns):
+            for member in range(9):
+                there = around[n, member]
+                if member != MIDDLE and there >= 0 and place[there] >= 0:
+                    if place[there] == _beside(row, column, rotation, member, turn[n, member], rows, columns):
                         agree += 1
                     else:
                         against += 1
-            if agree > (1 if label[n] == _color(cells, place[n]) else 2) * against:
+            if agree > (1 if label[n] == colors[place[n] // 4] else 2) * against:
                 kept[n] = place[n]
 
 
 def count_neighbours(
-    cells: cython.const[cython.longlong][:, ::1],
+    colors: cython.const[cython.longlong][::1],
+    rows: cython.Py_ssize_t,
+    columns: cython.Py_ssize_t,
     around: cython.const[cython.longlong][:, ::1],
     turn: cython.const[cython.longlong][:, ::1],
     label: cython.const[cython.longlong][::1],
@@ -197,24 +195,26 @@ def count_neighbours(
     """How many of the eight neighbours of each block (N,) stand where it says and have the colour that the code has
     there; and how many are `clear`ly of another colour, wherever they stand."""
     n: cython.Py_ssize_t
-    cell: cython.Py_ssize_t
+    member: cython.Py_ssize_t
     with cython.nogil:
-        rows, columns = cells.shape[0], cells.shape[1]
         for n in range(place.shape[0]):
-            agree, against = 0, 0
-            for cell in range(9):
-                there = around[n, cell]
-                if cell == MIDDLE or there < 0:
+            agreeing[n], contradicting[n] = 0, 0
+            if place[n] < 0:
+                continue
+            block = place[n] // 4
+            row, column, rotation = block // columns, block % columns, place[n] % 4
+            for member in range(9):
+                there = around[n, member]
+                if member == MIDDLE or there < 0:
                     continue
-                expected = _moved(place[n], cell, turn[n, cell], rows, columns)
+                expected = _beside(row, column, rotation, member, turn[n, member], rows, columns)
                 if expected < 0:
                     continue
-                if label[there] != _color(cells, expected):
+                if label[there] != colors[expected // 4]:
                     if clear[there]:
-                        against += 1
+                        contradicting[n] += 1
                 elif place[there] == expected:
-                    agree += 1
-            agreeing[n], contradicting[n] = agree, against
+                    agreeing[n] += 1
 
 
 @cython.cfunc
@@ -241,19 +241,59 @@ def join_agreeing(
 ) -> cython.void:
     """`surface` (N,) <- one number for all blocks that stand where their neighbours say."""
     n: cython.Py_ssize_t
-    cell: cython.Py_ssize_t
+    member: cython.Py_ssize_t
     with cython.nogil:
         for n in range(place.shape[0]):
             surface[n] = n
         for n in range(place.shape[0]):
-            for cell in range(9):
-                there = around[n, cell]
-                if cell == MIDDLE or there < 0 or place[n] < 0 or place[there] < 0:
+            if place[n] < 0:
+                continue
+            block = place[n] // 4
+            row, column, rotation = block // columns, block % columns, place[n] % 4
+            for member in range(9):
+                there = around[n, member]
+                if member == MIDDLE or there < 0 or place[there] < 0:
                     continue
-                if place[there] == _moved(place[n], cell, turn[n, cell], rows, columns):
+                if place[there] == _beside(row, column, rotation, member, turn[n, member], rows, columns):
                     _join(surface, n, there)
         for n in range(place.shape[0]):
             surface[n] = surface[surface[n]]
+
+
+def link_blocks(
+    neighbour: cython.const[cython.longlong][:, ::1],
+    place: cython.const[cython.longlong][::1],
+    holder: cython.const[cython.longlong][:, ::1],
+    right: cython.uchar[:, ::1],
+    down: cython.uchar[:, ::1],
+) -> cython.void:
+    """`right`, `down` <- which blocks of the code hold, `holder` or -1, blobs that are neighbours there, too."""
+    r: cython.Py_ssize_t
+    c: cython.Py_ssize_t
+    rows, columns = holder.shape[0], holder.shape[1]
+    with cython.nogil:
+        for r in range(rows):
+            for c in range(columns):
+                blob = holder[r, c]
+                if c < columns - 1:
+                    right[r, c] = blob >= 0 and _is_neighbour(neighbour, place, blob, 0, holder[r, c + 1])
+                if r < rows - 1:
+                    down[r, c] = blob >= 0 and _is_neighbour(neighbour, place, blob, 1, holder[r + 1, c])
+
+
+@cython.cfunc
+@cython.nogil
+@cython.inline
+@cython.exceptval(check=False)
+def _is_neighbour(
+    neighbour: cython.const[cython.longlong][:, ::1],
+    place: cython.const[cython.longlong][::1],
+    blob: cython.longlong,
+    direction: cython.longlong,
+    other: cython.longlong,
+) -> cython.bint:
+    """Whether `other` is the neighbour of `blob` in that direction of the code."""
+    return other >= 0 and neighbour[blob, (direction + 4 - place[blob] % 4) % 4] == other
 
 
 def join_linked(
@@ -324,7 +364,7 @@ def gather_islands(
 
 def lay_island(
     free: cython.const[cython.uchar][:, ::1],
-    cells: cython.const[cython.longlong][:, ::1],
+    colors: cython.const[cython.longlong][:, ::1],
     match: cython.double,
     offset: cython.const[cython.longlong][:, ::1],
     label: cython.const[cython.longlong][::1],
@@ -368,7 +408,7 @@ def lay_island(
                 score = -FAR * distance
                 for k in range(blobs):
                     i, j = r + offset[k, 0], c + offset[k, 1]
-                    score += match if free[i, j] and cells[i, j] == label[k] else misread[k]
+                    score += match if free[i, j] and colors[i, j] == label[k] else misread[k]
                 ways += exp(-FAR * distance)
                 if score > nats[0]:
                     nats[1], nats[0], where[0], where[1] = nats[0], score, r, c

@@ -10,7 +10,7 @@ import cv2
 import numpy as np
 
 from retrue.decoding.blocks.growth import readable
-from retrue.decoding.blocks.surface import Joints, agreement, bend_changes, median, slopes
+from retrue.decoding.blocks.surface import Joints, bend_changes, between_neighbours, median, odd_blocks, slopes
 from retrue.geometry.arrays import BoolArray, FloatArray, Image, IntArray
 from retrue.kernels import profiles as kernel
 
@@ -92,18 +92,20 @@ def refine_centres(image: Image, coarse: FloatArray, joints: Joints, duty: float
         return position
 
     fitted = measured(known, coarse, _Profiles.of(smooth, duty))
-    first = agreement(fitted, joints)
-    again = known & (first.odd | ~np.isfinite(fitted[..., 0]))
+    odd, sigma = odd_blocks(fitted, joints)
+    again = known & (odd | ~np.isfinite(fitted[..., 0]))
+    if not again.any():
+        return Centres(fitted, np.where(np.isfinite(fitted[..., 0]), 0.0, np.nan))
     by_sides = measured(again, np.where(again[..., None], coarse, fitted), _Profiles.of_sides(sharp, duty))
-    second = agreement(by_sides, joints) if again.any() else first
-    lost = ~np.isfinite(by_sides[..., 0])
-    unsure = again & (second.odd | lost | ~np.isfinite(fitted[..., 0]))
+    odd, _ = odd_blocks(by_sides, joints)
+    expected, spread = between_neighbours(by_sides, odd, joints)
+    unsure = again & (odd | ~np.isfinite(by_sides[..., 0] + fitted[..., 0]))
     between = _length(by_sides - fitted)
-    straight = np.isfinite(second.expected[..., 0]) & (second.spread < STRAIGHT * first.sigma)
-    position = np.where((unsure & straight)[..., None], second.expected, by_sides)
+    straight = np.isfinite(expected[..., 0]) & (spread < STRAIGHT * sigma)
+    position = np.where((unsure & straight)[..., None], expected, by_sides)
     limit = np.where(joints.inside(), DISAGREEMENT, RIM_DISAGREEMENT) * pitch
     position[unsure & ~straight & ~(between < limit)] = np.nan
-    doubt = np.where(unsure, np.where(straight, second.spread, between), 0.0)
+    doubt = np.where(unsure, np.where(straight, spread, between), 0.0)
     doubt[~np.isfinite(position[..., 0])] = np.nan
     return Centres(position, doubt)
 

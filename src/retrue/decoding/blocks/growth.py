@@ -99,7 +99,7 @@ def cut_blocks(picture: Image, position: FloatArray, joints: Joints, duty: float
     """(rows, columns) blocks at the rim of their surface that are not all there, or not where they were measured."""
     u, v, _ = slopes(position, joints)
     rim = np.isfinite(position[..., 0]) & ~joints.inside()
-    cut = rim & ~np.isfinite(u + v).all(axis=-1)
+    cut = rim & ~np.isfinite(u[..., 0] + v[..., 0])
     rim &= ~cut
     cut[rim] = ~(look_at(picture, position[rim], u[rim], v[rim], duty).misfit() < CUT_MISFIT)
     return cut
@@ -119,7 +119,7 @@ def grow(
     held = surfaces.held
     for _ in range(ROUNDS):
         u, v, _ = slopes(position, Joints(right, down))
-        source, side = _ahead(fresh & np.isfinite(u + v).all(axis=-1), held)
+        source, side = _ahead(fresh & np.isfinite(u[..., 0] + v[..., 0]), held)
         if not len(source):
             break
         step = np.array(SIDES)[side]

@@ -22,10 +22,11 @@ LEAST_AGREEING = 3  # of all other blocks, which may also have one neighbour who
 
 def held_by(holder: IntArray, values: NDArray[Any], fill: float) -> NDArray[Any]:
     """`values` (N, ...) of the blob that holds each block (rows, columns), `fill` where none does."""
-    blocks = np.flatnonzero(holder >= 0)
-    result = np.full((holder.size, *values.shape[1:]), fill, dtype=values.dtype)
-    result[blocks] = values[holder.ravel()[blocks]]
-    return result.reshape(*holder.shape, *values.shape[1:])
+    if not len(values):
+        return np.full((*holder.shape, *values.shape[1:]), fill, dtype=values.dtype)
+    result = values.take(holder, axis=0, mode="wrap")
+    result[holder < 0] = fill
+    return result
 
 
 def hold_places(
@@ -41,7 +42,7 @@ def hold_places(
     verdict = np.full(len(place), int(Verdict.DECODED))
     verdict[~(nats > SIGNIFICANCE)] = Verdict.TOO_FEW
     verdict[place < 0] = Verdict.NO_PLACE
-    verdict[(links.neighbour < 0).all(axis=1)] = Verdict.ALONE
+    verdict[links.neighbour.max(axis=1) < 0] = Verdict.ALONE
     index = np.flatnonzero(verdict == Verdict.DECODED)
     index = index[np.argsort(nats[index], kind="stable")]
     row, column, _ = code.split(place[index])
@@ -66,21 +67,16 @@ def hold_places(
 def on_surfaces(blocks: Blocks, links: Links, place: IntArray, holder: IntArray) -> tuple[IntArray, Joints]:
     """`holder` without the blocks that are not in squares, or not as large as their neighbours; and their joints."""
     position = held_by(holder, blocks.centre, np.nan)
-    joints = sound_joints(position, _joined_places(links, place, holder))
+    joints = sound_joints(position, _joined_blocks(links, place, holder))
     keep = in_squares(joints) & whole_blocks(held_by(holder, blocks.shape, np.nan), position, joints)
     return np.where(keep, holder, NONE), joints.between(keep)
 
 
-def _joined_places(links: Links, place: IntArray, holder: IntArray) -> Joints:
+def _joined_blocks(links: Links, place: IntArray, holder: IntArray) -> Joints:
     """Which blocks of the code, held by blobs, are linked to the next one of their row and of their column."""
-    beside = np.full((holder.size, 2), NONE)
-    blocks = np.flatnonzero(holder >= 0)
-    blob = holder.ravel()[blocks]
-    beside[blocks] = links.neighbour[blob[:, None], (np.arange(2) - place[blob][:, None]) % 4]
-    right, below = np.moveaxis(beside.reshape(*holder.shape, 2), 2, 0)
-    return Joints(
-        (right[:, :-1] >= 0) & (right[:, :-1] == holder[:, 1:]), (below[:-1] >= 0) & (below[:-1] == holder[1:])
-    )
+    joints = Joints.none(*holder.shape)
+    kernel.link_blocks(links.neighbour, place, holder, joints.right, joints.down)
+    return joints
 
 
 def _neighbours_colors(
@@ -89,7 +85,7 @@ def _neighbours_colors(
     """How many of the eight neighbours of each blob (N,) stand where it says and have the colour that the code has
     there; and how many are `clear`ly of another colour, wherever they stand."""
     agreeing, contradicting = np.empty_like(place), np.empty_like(place)
-    kernel.count_neighbours(code.colors, links.around, links.around_turn, label, clear, place, agreeing, contradicting)
+    kernel.count_neighbours(*code.flat, links.around, links.around_turn, label, clear, place, agreeing, contradicting)
     return agreeing, contradicting
 
 

@@ -22,6 +22,7 @@ MISREAD = -3.0  # nats that a clear blob of another colour than the code's costs
 SIGNIFICANCE = 8.0  # nats by which an island must beat chance
 LEAST_AREA = 1.0  # px^2 of a pitch squared
 LEAD = 4.0  # nats by which it must beat its second place
+Vector = tuple[float, float]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -51,7 +52,7 @@ def place_islands(
     """
     place = np.full(len(blocks), NONE)
     u, v, _ = slopes(position, joints)
-    held = np.isfinite(position + u + v).all(axis=-1)
+    held = np.isfinite(position[..., 0] + u[..., 0] + v[..., 0])
     if not held.any() or not left.any():
         return place
     islands = _islands(_sound(blocks, links, left), links.turn)
@@ -59,17 +60,17 @@ def place_islands(
         return place
     free = ~np.isfinite(position[..., 0])
     row_column, beside = np.argwhere(held), position[held]
-    axes = np.stack([u[held], v[held]], axis=-1)
+    axes_u, axes_v = u[held], v[held]
     middles = np.stack([blocks.centre[island.member].mean(axis=0) for island in islands])
     laid: list[tuple[float, _Island, IntArray]] = []
     ways = 1.0
     for island, middle, near in zip(islands, middles, nearest(beside, middles)[1], strict=True):
-        quarter = _quarter_turns(_axes(blocks.centre[island.member], island.at), axes[near])
+        surface = axes_u[near].tolist(), axes_v[near].tolist()
+        quarter = _quarter_turns(_axes(blocks.centre[island.member], island.at), surface)
         if quarter == NONE:
             continue
         offset = _rotated(island.at, quarter)
-        right, down = np.linalg.solve(axes[near], middle - beside[near])
-        continued = row_column[near] + np.array([down, right])
+        continued = row_column[near] + np.array(_away((middle - beside[near]).tolist(), surface))
         misread = np.where(clear[island.member], MISREAD, MISREAD / 3)
         where, nats = np.zeros(2, np.int64), np.full(2, -np.inf)
         color, match = label[island.member], float(np.log(code.base - 1))
@@ -108,25 +109,37 @@ def _islands(neighbour: IntArray, turn: IntArray) -> list[_Island]:
     return islands
 
 
-def _axes(centre: FloatArray, at: IntArray) -> FloatArray:
-    """(2, 2) steps to the right and down, as columns, of blobs at (row, column)."""
-    terms = np.column_stack([at[:, ::-1], np.ones(len(at))])
-    normal = terms.T @ terms + 1e-6 * np.eye(3)  # a single row tells nothing of the other axis: 0
-    return np.asarray(np.linalg.solve(normal, terms.T @ centre), dtype=np.float64)[:2].T
+def _axes(centre: FloatArray, at: IntArray) -> tuple[Vector, Vector]:
+    """Steps to the right and down of blobs at (row, column), by least squares."""
+    at, centre = at - at.mean(axis=0), centre - centre.mean(axis=0)
+    (rr, rc), (_, cc) = (at.T @ at + 1e-6 * np.eye(2)).tolist()  # a single row tells nothing of the other axis: 0
+    (rx, ry), (cx, cy) = (at.T @ centre).tolist()
+    size = rr * cc - rc * rc
+    return ((rr * cx - rc * rx) / size, (rr * cy - rc * ry) / size), (
+        (cc * rx - rc * cx) / size,
+        (cc * ry - rc * cy) / size,
+    )
 
 
-def _quarter_turns(axes: FloatArray, surface: FloatArray) -> int:
+def _quarter_turns(axes: tuple[Vector, Vector], surface: tuple[Vector, Vector]) -> int:
     """Quarter turns of an island's frame against the code's, so that both its axes lie along the surface's; or -1."""
-    (ux, vx), (uy, vy) = surface.tolist()
+    (ux, uy), (vx, vy) = surface
     if not (abs(ux * vy - vx * uy) > LEAST_AREA):
         return NONE
-    (ax, bx), (ay, by) = axes.tolist()
+    (ax, ay), (bx, by) = axes
     limit_u, limit_v = ALONG * hypot(ux, uy), ALONG * hypot(vx, vy)
     for quarter in range(4):
         if ax * ux + ay * uy > limit_u * hypot(ax, ay) and bx * vx + by * vy > limit_v * hypot(bx, by):
             return quarter
         ax, ay, bx, by = -bx, -by, ax, ay
     return NONE
+
+
+def _away(offset: Vector, surface: tuple[Vector, Vector]) -> Vector:
+    """`offset` in steps (down, right) of the surface."""
+    (x, y), ((ux, uy), (vx, vy)) = offset, surface
+    size = ux * vy - vx * uy
+    return (ux * y - uy * x) / size, (vy * x - vx * y) / size
 
 
 def _rotated(at: IntArray, quarter_turns: int) -> IntArray:

@@ -45,6 +45,11 @@ class Code:
             others = np.where(np.arange(WINDOW) == left_out, 0, weight)
             self.tables.append(_table(keys - colors[:, left_out] * weight[left_out], others, places))
 
+    @property
+    def flat(self) -> tuple[IntArray, int, int]:
+        """Colours (rows columns,) of all blocks, rows, columns."""
+        return self.colors.ravel(), self.rows, self.columns
+
     def place(self, row: IntArray, column: IntArray, rotation: IntArray | int) -> IntArray:
         return (row * self.columns + column) * 4 + rotation
 
@@ -102,7 +107,7 @@ def place_blocks(code: Code, links: Links, label: IntArray) -> IntArray:
 def _undisputed(code: Code, links: Links, label: IntArray, place: IntArray) -> IntArray:
     """A place stands against a minority of the neighbours; of a colour that is not the code's, against half as many."""
     kept = np.empty_like(place)
-    kernel.keep_undisputed(code.colors, links.around, links.around_turn, label, place, kept)
+    kernel.keep_undisputed(*code.flat, links.around, links.around_turn, label, place, kept)
     return kept
 
 
@@ -123,5 +128,5 @@ def _elected(
     colour.
     """
     elected, room = place.copy(), np.zeros((3, len(place)), np.int64)
-    kernel.elect(code.colors, links.around, links.around_turn, label, place, said, votes, lead, by_color, room, elected)
+    kernel.elect(*code.flat, links.around, links.around_turn, label, place, said, votes, lead, by_color, room, elected)
     return elected

@@ -38,9 +38,9 @@ class Joints:
 
 def median(values: FloatArray) -> float:
     """Of one number or more, all finite: `np.median`, in a sixth of its time."""
-    low, high = (len(values) - 1) // 2, len(values) // 2
-    parted = np.partition(values, (low, high))
-    return float(parted[low] + parted[high]) / 2
+    middle = len(values) // 2
+    parted = np.partition(values, middle)
+    return float(parted[middle] if len(values) % 2 else (parted[:middle].max() + parted[middle]) / 2)
 
 
 def slopes(position: FloatArray, joints: Joints) -> tuple[FloatArray, FloatArray, FloatArray]:
@@ -89,39 +89,27 @@ def whole_blocks(shape: FloatArray, position: FloatArray, joints: Joints) -> Boo
     return whole
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class Agreement:
-    """How each block fits in with its neighbours.
+def odd_blocks(position: FloatArray, joints: Joints) -> tuple[BoolArray, float]:
+    """Blocks (rows, columns) that fit in with none of their neighbours; noise of one coordinate, of the whole picture.
 
-    Attributes
-    ----------
-    odd : (rows, columns) blocks that fit in no line of three in any of the four directions, or have no such line.
-    expected : (rows, columns, 2) where the lines of three that hold no odd block say it is; NaN: nowhere.
-    spread : (rows, columns) largest distance between those lines.
-    sigma : noise of one coordinate, of the whole picture.
-    """
-
-    odd: BoolArray
-    expected: FloatArray
-    spread: FloatArray
-    sigma: float
-
-
-def agreement(position: FloatArray, joints: Joints) -> Agreement:
-    """Compare each block with the middle of its two neighbours, along the row, the column and both diagonals.
-
-    A crease or the edge of a surface leaves at least one of these lines straight; a block that is off all of
-    them is off the surface, or was measured badly.
+    Each block is compared with the middle of its two neighbours, along the row, the column and both diagonals. A crease
+    or the edge of a surface leaves at least one of these lines straight; a block that is off all of them, or has none,
+    is off the surface, or was measured badly.
     """
     held: BoolArray = np.isfinite(position[..., 0])
     least, off = np.empty(held.shape), np.empty(DIRECTIONS * position.size)
     off = off[: kernel.line_distances(position, joints.right, joints.down, least, off)]
     sigma = max(median(off) / (0.6745 * 1.5**0.5), LEAST_SIGMA) if len(off) else LEAST_SIGMA
-    odd = held & ~(least <= OUTLIER_SIGMAS * sigma)
-    expected, spread = np.empty(position.shape), np.empty(held.shape)
+    return held & ~(least <= OUTLIER_SIGMAS * sigma), sigma
+
+
+def between_neighbours(position: FloatArray, odd: BoolArray, joints: Joints) -> tuple[FloatArray, FloatArray]:
+    """Where the lines of three that hold no `odd` block say that each is (rows, columns, 2), NaN: nowhere; and the
+    largest distance (rows, columns) between those lines."""
+    expected, spread = np.empty(position.shape), np.empty(odd.shape)
     fitting = np.where(odd[..., None], np.nan, position)
     kernel.meet_lines(fitting, joints.right, joints.down, expected, spread)
-    return Agreement(odd, expected, spread, sigma)
+    return expected, spread
 
 
 def bend_changes(position: FloatArray, joints: Joints) -> FloatArray:
