@@ -109,46 +109,53 @@ def measure_blobs(
 def nearest(
     places: cython.const[cython.double][:, ::1],
     points: cython.const[cython.double][:, ::1],
-    left: cython.double,
-    top: cython.double,
-    side: cython.double,
-    rows: cython.Py_ssize_t,
-    columns: cython.Py_ssize_t,
-    start: cython.Py_ssize_t[::1],
-    bucket: cython.Py_ssize_t[::1],
-    member: cython.Py_ssize_t[::1],
+    start: cython.longlong[::1],
+    room: cython.longlong[:, ::1],
     square: cython.double[:, ::1],
     index: cython.longlong[:, ::1],
 ) -> cython.void:
     """`square` (M, K) and `index` <- squared distances from each of `points` to the K nearest of `places` (N, 2).
 
-    From inside outwards by square buckets of that `side`, from the corner (left, top) of all places on. `start`
-    (rows columns + 2), zeros at first, `bucket` and `member` (N,) are room to work in.
+    From inside outwards by square buckets for half a place each. `start` (4 N + 4), zeros at first, and `room` (2, N)
+    are room to work in: there are no more buckets than that.
     """
+    n: cython.Py_ssize_t
     m: cython.Py_ssize_t
+    k: cython.Py_ssize_t
+    r: cython.Py_ssize_t
     slot: cython.Py_ssize_t
     ring: cython.Py_ssize_t
-    r: cython.Py_ssize_t
-    k: cython.Py_ssize_t
-    n: cython.Py_ssize_t
     row: cython.Py_ssize_t
     column: cython.Py_ssize_t
+    stride: cython.Py_ssize_t
+    left: cython.double = places[0, 0]
+    right: cython.double = places[0, 0]
+    top: cython.double = places[0, 1]
+    bottom: cython.double = places[0, 1]
     x: cython.double
     y: cython.double
     margin: cython.double
     reached: cython.double
-    stride: cython.Py_ssize_t
+    count, wanted = places.shape[0], square.shape[1]
     with cython.nogil:
-        wanted = square.shape[1]
-        for n in range(places.shape[0]):
+        for n in range(count):
+            left, right = min(left, places[n, 0]), max(right, places[n, 0])
+            top, bottom = min(top, places[n, 1]), max(bottom, places[n, 1])
+        x, y = right - left, bottom - top
+        side = max(sqrt(x * y / (2 * count)), max(x, y) / count, 1e-9)
+        columns = cython.cast(cython.Py_ssize_t, x / side) + 1
+        rows = cython.cast(cython.Py_ssize_t, y / side) + 1
+        for n in range(count):
             row = cython.cast(cython.Py_ssize_t, (places[n, 1] - top) / side)
-            bucket[n] = row * columns + cython.cast(cython.Py_ssize_t, (places[n, 0] - left) / side)
-            start[bucket[n] + 2] += 1
+            column = cython.cast(cython.Py_ssize_t, (places[n, 0] - left) / side)
+            room[0, n] = row * columns + column
+            start[room[0, n] + 2] += 1
         for n in range(1, rows * columns + 2):
             start[n] += start[n - 1]
-        for n in range(places.shape[0]):  # moves each start to where the next one was
-            member[start[bucket[n] + 1]] = n
-            start[bucket[n] + 1] += 1
+        for n in range(count):  # moves each start to where the next one was
+            k = room[0, n] + 1
+            room[1, start[k]] = n
+            start[k] += 1
         for m in range(points.shape[0]):
             for slot in range(wanted):
                 square[m, slot], index[m, slot] = INFINITY, 0
@@ -167,7 +174,7 @@ def nearest(
                     while c <= column + ring:
                         if 0 <= c < columns:
                             for k in range(start[r * columns + c], start[r * columns + c + 1]):
-                                n = member[k]
+                                n = room[1, k]
                                 dx, dy = places[n, 0] - points[m, 0], places[n, 1] - points[m, 1]
                                 _insert(square, index, m, wanted, dx * dx + dy * dy, n)
                         c += stride

@@ -77,7 +77,7 @@ def _unmixing(light: FloatArray, palette: FloatArray) -> FloatArray:
     """
     total = light.sum(axis=1)
     usable = total > 0
-    scale = np.percentile(light[usable], 95, axis=0) if usable.any() else np.ones(3)
+    scale = _quantile(light[usable], 0.95) if usable.any() else np.ones(3)
     scaled = light / np.maximum(scale, 1e-9)
     to_scale = np.diag(1 / np.maximum(scale, 1e-9))
     pure = [np.any((palette[:, c] > 0.5) & (np.delete(palette, c, axis=1) < 0.1).all(axis=1)) for c in range(3)]
@@ -85,12 +85,18 @@ def _unmixing(light: FloatArray, palette: FloatArray) -> FloatArray:
         return to_scale
     chroma = scaled[usable] / scaled[usable].sum(axis=1, keepdims=True)
     count = max(3, int(PURE_SHARE * len(chroma)))
-    corners = np.stack(
-        [np.median(chroma[np.argpartition(chroma[:, c], -count)[-count:]], axis=0) for c in range(3)], axis=-1
-    )
+    purest = [chroma[np.argpartition(chroma[:, c], -count)[-count:]] for c in range(3)]
+    corners = np.stack([_quantile(blocks, 0.5) for blocks in purest], axis=-1)
     if not (np.linalg.det(corners) > 0.05):
         return to_scale
     return np.linalg.inv(corners) @ to_scale
+
+
+def _quantile(values: FloatArray, share: float) -> FloatArray:
+    """(K,) the value below which that share of each column of (N, K) lies, between the two next to it."""
+    ordered, at = np.sort(values, axis=0), share * (len(values) - 1)
+    below = ordered[int(at)]
+    return below + (at - int(at)) * (ordered[min(int(at) + 1, len(values) - 1)] - below)
 
 
 def _nearest(seen: FloatArray, centres: FloatArray) -> tuple[IntArray, FloatArray]:

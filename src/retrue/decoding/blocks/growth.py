@@ -49,8 +49,12 @@ class Patches:
 
         NaN where a side is missing.
         """
-        offset, stretch = np.abs(self.offset).max(axis=1) / FARTHEST, np.abs(self.stretch).max(axis=1) / STRETCH
+        offset, stretch = _larger(self.offset) / FARTHEST, _larger(self.stretch) / STRETCH
         return offset**2 + stretch**2 + (self.skew / SKEW) ** 2 + (self.uneven / UNEVEN) ** 2
+
+
+def _larger(pairs: FloatArray) -> FloatArray:
+    return np.maximum(np.abs(pairs[:, 0]), np.abs(pairs[:, 1]))
 
 
 def readable(picture: Image) -> tuple[Image, int, int, FloatArray]:

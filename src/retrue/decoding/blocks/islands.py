@@ -111,7 +111,7 @@ def _islands(neighbour: IntArray, turn: IntArray) -> list[_Island]:
 
 def _axes(centre: FloatArray, at: IntArray) -> tuple[Vector, Vector]:
     """Steps to the right and down of blobs at (row, column), by least squares."""
-    at, centre = at - at.mean(axis=0), centre - centre.mean(axis=0)
+    at, centre = at - at.sum(axis=0) / len(at), centre - centre.sum(axis=0) / len(at)
     (rr, rc), (_, cc) = (at.T @ at + 1e-6 * np.eye(2)).tolist()  # a single row tells nothing of the other axis: 0
     (rx, ry), (cx, cy) = (at.T @ centre).tolist()
     size = rr * cc - rc * rc

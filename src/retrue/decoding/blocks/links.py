@@ -77,13 +77,6 @@ def nearest_of_all(places: FloatArray, points: FloatArray, count: int) -> tuple[
     A k-d tree does the same in four times the time, and its import takes longer than all of decoding.
     """
     square, index = np.empty((len(points), count)), np.empty((len(points), count), np.int64)
-    places = np.ascontiguousarray(places)
-    left, top = places.min(axis=0).tolist()
-    right, bottom = places.max(axis=0).tolist()
-    width, height = right - left, bottom - top
-    # Buckets for half a place each, but no more of them in a row than there are places.
-    side = max((width * height / len(places) / 2) ** 0.5, max(width, height) / len(places), 1e-9)
-    columns, rows = int(width / side) + 1, int(height / side) + 1
-    room = np.zeros(rows * columns + 2, np.intp), np.empty(len(places), np.intp), np.empty(len(places), np.intp)
-    kernel.nearest(places, np.ascontiguousarray(points), left, top, side, rows, columns, *room, square, index)
+    start, room = np.zeros(4 * len(places) + 4, np.int64), np.empty((2, len(places)), np.int64)
+    kernel.nearest(np.ascontiguousarray(places), np.ascontiguousarray(points), start, room, square, index)
     return np.sqrt(square), index
