@@ -245,9 +245,10 @@ def fit_sides(
 @cython.nogil
 @cython.inline
 @cython.exceptval(check=False)
-def _distance(a: Color, b: Color) -> cython.double:
-    red, green, blue = a.red - b.red, a.green - b.green, a.blue - b.blue
-    return sqrt(red * red + green * green + blue * blue)
+def _square(color: Color, red: cython.double, green: cython.double, blue: cython.double) -> cython.double:
+    """The squared distance from `color`."""
+    r, g, b = color.red - red, color.green - green, color.blue - blue
+    return r * r + g * g + b * b
 
 
 @cython.cfunc
@@ -293,17 +294,25 @@ def _middle_value(
     slot: cython.Py_ssize_t
     i: cython.Py_ssize_t
     j: cython.Py_ssize_t
+    value: cython.double
     mid = PATCH // 2
+    half = (2 * inner + 1) * (2 * inner + 1) // 2 + 1
     count: cython.Py_ssize_t = 0
     for i in range(mid - inner, mid + inner + 1):
         for j in range(mid - inner, mid + inner + 1):
-            slot = count
-            while slot > 0 and values[slot - 1] > patch[i, j, channel]:  # so few are sorted fastest as they come
+            value = patch[i, j, channel]
+            if count < half:
+                slot = count
+                count += 1
+            elif value < values[half - 1]:
+                slot = half - 1
+            else:
+                continue
+            while slot > 0 and values[slot - 1] > value:  # the lower half is kept, in order
                 values[slot] = values[slot - 1]
                 slot -= 1
-            values[slot] = patch[i, j, channel]
-            count += 1
-    return values[count // 2]
+            values[slot] = value
+    return values[half - 1]
 
 
 @cython.cfunc
@@ -323,7 +332,7 @@ def _unevenness(
         largest[i] = 0.0
     for i in range(mid - core, mid + core + 1):
         for j in range(mid - core, mid + core + 1):
-            value = _distance(color, Color(patch[i, j, 0], patch[i, j, 1], patch[i, j, 2]))
+            value = _square(color, patch[i, j, 0], patch[i, j, 1], patch[i, j, 2])
             slot = kept - 1
             while slot >= 0 and largest[slot] < value:  # keep the largest tenth, in order
                 if slot < kept - 1:
@@ -331,7 +340,7 @@ def _unevenness(
                 slot -= 1
             if slot < kept - 1:
                 largest[slot + 1] = value
-    return largest[kept - 1]
+    return sqrt(largest[kept - 1])
 
 
 @cython.cfunc
@@ -354,7 +363,7 @@ def _changes(
     c: cython.Py_ssize_t
     i: cython.Py_ssize_t
     k: cython.Py_ssize_t
-    mid = PATCH // 2
+    mid, share = PATCH // 2, 1.0 / across
     for i in range(PATCH):
         red, green, blue = 0.0, 0.0, 0.0
         for k in range(1, across + 1):
@@ -363,7 +372,7 @@ def _changes(
             red += patch[r, c, 0]
             green += patch[r, c, 1]
             blue += patch[r, c, 2]
-        change[i] = _distance(color, Color(red / across, green / across, blue / across)) / step
+        change[i] = sqrt(_square(color, red * share, green * share, blue * share)) / step
 
 
 def look_at_patches(
