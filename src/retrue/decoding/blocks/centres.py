@@ -10,7 +10,7 @@ import cv2
 import numpy as np
 
 from retrue.decoding.blocks.growth import readable
-from retrue.decoding.blocks.surface import Joints, bend_changes, between_neighbours, median, odd_blocks, slopes
+from retrue.decoding.blocks.surface import Joints, bend_changes, between_neighbours, lengths, median, odd_blocks, slopes
 from retrue.geometry.arrays import BoolArray, FloatArray, Image, IntArray
 from retrue.kernels import profiles as kernel
 
@@ -73,11 +73,11 @@ def refine_centres(image: Image, coarse: FloatArray, joints: Joints, duty: float
     neighbours say, if those agree, and gone if nothing agrees.
     """
     right, down, _ = slopes(coarse, joints)
-    pitch = np.minimum(_length(right), _length(down))
+    pitch = np.minimum(lengths(right), lengths(down))
     known = np.isfinite(pitch)
     if not known.any():
         return Centres(np.full_like(coarse, np.nan), np.full(coarse.shape[:2], np.nan))
-    smooth, sharp = _Smoothed.of(image, median(pitch[known])), _Smoothed(image, BLUR)
+    smooth = _Smoothed.of(image, median(pitch[known]))
     weights = np.zeros((known.size, 3))
     kernel.weigh_channels(*readable(smooth.pixels), *_flat(coarse, right, down), CHANNEL_TRUST, weights)
 
@@ -88,7 +88,7 @@ def refine_centres(image: Image, coarse: FloatArray, joints: Joints, duty: float
             right, down, bend = slopes(position, joints)
             shift = 0.5 * (duty / 2) ** 2 * bend
             profiles.measure(weights, blocks, *_flat(right, down, shift, position))
-            position[~(_length(position - coarse) < FARTHEST * pitch)] = np.nan
+            position[~(lengths(position - coarse) < FARTHEST * pitch)] = np.nan
         return position
 
     fitted = measured(known, coarse, _Profiles.of(smooth, duty))
@@ -96,11 +96,13 @@ def refine_centres(image: Image, coarse: FloatArray, joints: Joints, duty: float
     again = known & (odd | ~np.isfinite(fitted[..., 0]))
     if not again.any():
         return Centres(fitted, np.where(np.isfinite(fitted[..., 0]), 0.0, np.nan))
-    by_sides = measured(again, np.where(again[..., None], coarse, fitted), _Profiles.of_sides(sharp, duty))
+    by_sides = measured(
+        again, np.where(again[..., None], coarse, fitted), _Profiles.of_sides(_Smoothed(image, BLUR), duty)
+    )
     odd, _ = odd_blocks(by_sides, joints)
     expected, spread = between_neighbours(by_sides, odd, joints)
     unsure = again & (odd | ~np.isfinite(by_sides[..., 0] + fitted[..., 0]))
-    between = _length(by_sides - fitted)
+    between = lengths(by_sides - fitted)
     straight = np.isfinite(expected[..., 0]) & (spread < STRAIGHT * sigma)
     position = np.where((unsure & straight)[..., None], expected, by_sides)
     limit = np.where(joints.inside(), DISAGREEMENT, RIM_DISAGREEMENT) * pitch
@@ -108,10 +110,6 @@ def refine_centres(image: Image, coarse: FloatArray, joints: Joints, duty: float
     doubt = np.where(unsure, np.where(straight, spread, between), 0.0)
     doubt[~np.isfinite(position[..., 0])] = np.nan
     return Centres(position, doubt)
-
-
-def _length(vector: FloatArray) -> FloatArray:
-    return np.hypot(vector[..., 0], vector[..., 1])
 
 
 def _flat(*grids: FloatArray) -> list[FloatArray]:

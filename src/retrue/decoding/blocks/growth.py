@@ -8,7 +8,7 @@ import numpy as np
 
 from retrue.decoding.blocks.colors import Colors, local_level
 from retrue.decoding.blocks.links import NONE, nearest
-from retrue.decoding.blocks.surface import Joints, slopes
+from retrue.decoding.blocks.surface import Joints, lengths, slopes
 from retrue.geometry.arrays import BoolArray, FloatArray, Image, IntArray
 from retrue.kernels import profiles as kernel
 
@@ -60,7 +60,7 @@ def _larger(pairs: FloatArray) -> FloatArray:
 def readable(picture: Image) -> tuple[Image, int, int, FloatArray]:
     """`picture` (h, w, 3) as kernels read it: its pixels in a row, height, width, and the number of each value."""
     height, width, _ = picture.shape
-    return picture.reshape(-1), height, width, np.arange(np.iinfo(picture.dtype).max + 1.0)
+    return picture.reshape(-1), height, width, np.arange(256.0**picture.itemsize)
 
 
 def look_at(picture: Image, p: FloatArray, u: FloatArray, v: FloatArray, duty: float) -> Patches:
@@ -136,7 +136,7 @@ def grow(
         label = _labels(colors, seen, light, source)
         good = np.flatnonzero((unlike < MISFIT) & (label == code[target[:, 0], target[:, 1]]))
         p = p + found.offset[:, :1] * u + found.offset[:, 1:] * v
-        pitch = np.minimum(np.hypot(u[:, 0], u[:, 1]), np.hypot(v[:, 0], v[:, 1]))
+        pitch = np.minimum(lengths(u), lengths(v))
         good = good[_apart(p[good], APART * pitch[good], target[good] @ [code.shape[1], 1], position[held])]
         if not len(good):
             break
@@ -168,7 +168,7 @@ def _labels(colors: Colors, seen: FloatArray, light: FloatArray, source: IntArra
     index[1:-1, 1:-1] = np.arange(rows * columns).reshape(rows, columns)
     around = [index[source[:, 0] + r, source[:, 1] + c] for r in range(3) for c in range(3)]
     itself = rows * columns + np.arange(len(seen))
-    amounts = colors.amounts(np.nan_to_num(np.concatenate([light.reshape(-1, 3), seen])))
+    amounts = colors.amounts(np.concatenate([light.reshape(-1, 3), seen]))  # NaN is no brightest one
     return colors.nearest(amounts[itself], local_level(amounts, np.stack([*around, itself], axis=-1)))[0]
 
 
@@ -178,7 +178,7 @@ def _apart(p: FloatArray, least: FloatArray, block: IntArray, held: FloatArray) 
     Points of one and the same block must be close instead.
     """
     apart = nearest(held, p)[0] > least
-    between = np.hypot(p[:, None, 0] - p[:, 0], p[:, None, 1] - p[:, 1])
+    between = lengths(p[:, None] - p)
     same = block[:, None] == block
     right = np.where(same, between < 0.3 * least[:, None], between > least[:, None])
     return apart & np.asarray(right.all(axis=1))

@@ -14,10 +14,10 @@ from retrue.decoding.blocks.colors import Colors, separate_colors
 from retrue.decoding.blocks.growth import MISFIT, Surfaces, cut_blocks, grow
 from retrue.decoding.blocks.holders import held_by, hold_places, on_surfaces
 from retrue.decoding.blocks.islands import place_islands
-from retrue.decoding.blocks.links import NONE, link_blocks, nearest
+from retrue.decoding.blocks.links import NONE, Links, link_blocks, nearest
 from retrue.decoding.blocks.places import Code, code_of, place_blocks
 from retrue.decoding.blocks.sight import GridSight, Verdict
-from retrue.decoding.blocks.surface import Joints, slopes
+from retrue.decoding.blocks.surface import Joints, lengths, median, slopes
 from retrue.geometry.arrays import FloatArray, Image, IntArray
 from retrue.patterns.color_grid import ColorGrid
 
@@ -61,6 +61,7 @@ def look(pattern: ColorGrid, picture: Image, halvings: int) -> GridSight:
         pattern=pattern,
         picture=picture,
         halvings=halvings,
+        block_px=_block_px(blocks, links, verdict) * 2**halvings,
         blocks=blocks,
         links=links,
         label=label,
@@ -71,6 +72,14 @@ def look(pattern: ColorGrid, picture: Image, halvings: int) -> GridSight:
         confidence=np.where(np.isfinite(surfaces.misfit), 1 - 0.5 * surfaces.misfit / MISFIT, by_color),
         color=np.clip(np.nan_to_num(surfaces.light), 0, 255).astype(np.uint8),
     )
+
+
+def _block_px(blocks: Blocks, links: Links, verdict: IntArray) -> float:
+    """Median side of the decoded blocks, or of all blobs that have two neighbours; 0: none."""
+    good = verdict == Verdict.DECODED
+    if not good.any():
+        good = (links.neighbour >= 0).sum(axis=1) >= 2
+    return median(np.sqrt(12 * blocks.area()[good])) if good.any() else 0.0
 
 
 def _nothing(code: Code) -> Surfaces:
@@ -116,7 +125,7 @@ class _Table:
         """Index (N,) in the code of the block that each blob is, or covers, or -1; and the distance of its centre."""
         position = self.scaled(surfaces.position)
         u, v, _ = slopes(position, surfaces.joints)
-        pitch = np.minimum(np.hypot(u[..., 0], u[..., 1]), np.hypot(v[..., 0], v[..., 1])).ravel()
+        pitch = np.minimum(lengths(u), lengths(v)).ravel()
         known = np.flatnonzero(np.isfinite(pitch))
         if not len(known):
             return np.full(len(self.blocks), NONE), np.full(len(self.blocks), np.inf)

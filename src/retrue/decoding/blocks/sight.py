@@ -10,7 +10,6 @@ from numpy.typing import NDArray
 
 from retrue.decoding.blocks.blobs import Blocks
 from retrue.decoding.blocks.links import Links
-from retrue.decoding.blocks.surface import median
 from retrue.geometry.arrays import FloatArray, Image, IntArray
 from retrue.patterns.color_grid import ColorGrid
 
@@ -53,6 +52,7 @@ class GridSight:
     ----------
     picture : (h, w, 3) that was looked at, in full size.
     halvings : how many times it was halved to find the blocks.
+    block_px : median side of the decoded blocks, or of all blobs that have two neighbours, in px of `picture`; 0: none.
     blocks, links : in pixels of the halved picture.
     label : (N,) colour index of each blob.
     verdict : (N,) a `Verdict` each.
@@ -63,6 +63,7 @@ class GridSight:
     pattern: ColorGrid
     picture: Image
     halvings: int
+    block_px: float
     blocks: Blocks
     links: Links
     label: IntArray
@@ -72,16 +73,6 @@ class GridSight:
     sigma_px: FloatArray
     confidence: FloatArray
     color: NDArray[np.uint8]
-
-    @property
-    def block_px(self) -> float:
-        """Median side of the decoded blocks, or of all blobs that have a neighbour, in pixels of `picture`; 0: none."""
-        good = self.verdict == Verdict.DECODED
-        if not good.any():
-            good = (self.links.neighbour >= 0).sum(axis=1) >= 2
-        if not good.any():
-            return 0.0
-        return median(np.sqrt(12 * self.blocks.area()[good])) * 2**self.halvings
 
     def rejected(self) -> dict[str, int]:
         """How many blobs were rejected, by reason."""

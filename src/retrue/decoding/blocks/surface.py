@@ -43,6 +43,12 @@ def median(values: FloatArray) -> float:
     return float(parted[middle] if len(values) % 2 else (parted[:middle].max() + parted[middle]) / 2)
 
 
+def lengths(vectors: FloatArray) -> FloatArray:
+    """(...) of vectors (..., 2): `np.hypot`, in a fifth of its time."""
+    x, y = vectors[..., 0], vectors[..., 1]
+    return np.sqrt(x * x + y * y)
+
+
 def slopes(position: FloatArray, joints: Joints) -> tuple[FloatArray, FloatArray, FloatArray]:
     """d position / d column, d position / d row, and the sum of both second derivatives, (rows, columns, 2) each.
 
