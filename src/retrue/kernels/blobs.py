@@ -106,6 +106,40 @@ def measure_blobs(
     return count
 
 
+@cython.cfunc
+@cython.nogil
+@cython.inline
+@cython.exceptval(check=False)
+def _nearest_pixel(x: cython.double) -> cython.Py_ssize_t:
+    """Of two that are as near, the even one, as NumPy rounds."""
+    pixel: cython.Py_ssize_t = cython.cast(cython.Py_ssize_t, x + 0.5)
+    return pixel - 1 if pixel - x == 0.5 and pixel % 2 == 1 else pixel
+
+
+def added_light(
+    picture: cython.const[cython.uchar][:, :, ::1],
+    floor: cython.const[cython.uchar][:, :, ::1],
+    centre: cython.const[cython.double][:, ::1],
+    light: cython.double[:, ::1],
+) -> cython.void:
+    """`light` (N, 3) <- the mean of the nine pixels about each `centre` (N, 2), rounded, less the `floor` there."""
+    n: cython.Py_ssize_t
+    k: cython.Py_ssize_t
+    r: cython.Py_ssize_t
+    c: cython.Py_ssize_t
+    total: cython.int
+    with cython.nogil:
+        for n in range(centre.shape[0]):
+            column = _nearest_pixel(centre[n, 0])
+            row = _nearest_pixel(centre[n, 1])
+            for k in range(3):
+                total = 0
+                for r in range(row - 1, row + 2):
+                    for c in range(column - 1, column + 2):
+                        total += cython.cast(cython.int, picture[r, c, k])
+                light[n, k] = (2 * total + 9) // 18 - cython.cast(cython.int, floor[row, column, k])
+
+
 def nearest(
     places: cython.const[cython.double][:, ::1],
     points: cython.const[cython.double][:, ::1],

@@ -56,11 +56,9 @@ def find_blocks(picture: Gray) -> Blocks:
     area, centre, shape = _moments(_nearer_to_top(cast(Gray, cv2.subtract(picture, floor)), reach))
     fill = area / (4 * np.pi * np.sqrt(np.maximum(shape[:, 0] * shape[:, 3] - shape[:, 1] ** 2, 1e-9)))
     keep = np.flatnonzero(fill > MIN_FILL)
-    centre = centre[keep]
-    column, row = np.rint(centre).astype(np.int64).T
-    smooth = cast(Gray, cv2.blur(picture, (3, 3)))
-    color = smooth[row, column].astype(np.float64) - floor[row, column]
-    return Blocks(centre, shape[keep].reshape(-1, 2, 2), color)
+    centre, light = centre[keep], np.empty((len(keep), 3))
+    kernel.added_light(picture, floor, centre, light)
+    return Blocks(centre, shape[keep].reshape(-1, 2, 2), light)
 
 
 def _moments(mask: Gray) -> tuple[FloatArray, FloatArray, FloatArray]:
@@ -68,7 +66,7 @@ def _moments(mask: Gray) -> tuple[FloatArray, FloatArray, FloatArray]:
     runs = np.empty((mask.size // 2 + len(mask), 4), np.int32)
     runs = runs[: kernel.find_runs(mask, runs)]
     blobs = np.zeros((len(runs), 6))
-    blobs = blobs[: kernel.measure_blobs(runs, *mask.shape, MIN_AREA, MAX_AREA, blobs)]
+    blobs = blobs[: kernel.measure_blobs(runs, mask.shape[0], mask.shape[1], MIN_AREA, MAX_AREA, blobs)]
     return blobs[:, 0], blobs[:, 1:3], blobs[:, [3, 4, 4, 5]]
 
 

@@ -79,7 +79,8 @@ def refine_centres(image: Image, coarse: FloatArray, joints: Joints, duty: float
         return Centres(np.full_like(coarse, np.nan), np.full(coarse.shape[:2], np.nan))
     smooth = _Smoothed.of(image, median(pitch[known]))
     weights = np.zeros((known.size, 3))
-    kernel.weigh_channels(*readable(smooth.pixels), *_flat(coarse, right, down), CHANNEL_TRUST, weights)
+    there = coarse.reshape(-1, 2), right.reshape(-1, 2), down.reshape(-1, 2)
+    kernel.weigh_channels(*readable(smooth.pixels), *there, CHANNEL_TRUST, weights)
 
     def measured(rows: BoolArray, start: FloatArray, profiles: _Profiles) -> FloatArray:
         """`start` with the blocks `rows` measured anew; NaN where they run away from where they were seen."""
@@ -87,7 +88,7 @@ def refine_centres(image: Image, coarse: FloatArray, joints: Joints, duty: float
         for _ in range(ROUNDS if len(blocks) else 0):
             right, down, bend = slopes(position, joints)
             shift = 0.5 * (duty / 2) ** 2 * bend
-            profiles.measure(weights, blocks, *_flat(right, down, shift, position))
+            profiles.measure(weights, blocks, right, down, shift, position)
             position[~(lengths(position - coarse) < FARTHEST * pitch)] = np.nan
         return position
 
@@ -110,11 +111,6 @@ def refine_centres(image: Image, coarse: FloatArray, joints: Joints, duty: float
     doubt = np.where(unsure, np.where(straight, spread, between), 0.0)
     doubt[~np.isfinite(position[..., 0])] = np.nan
     return Centres(position, doubt)
-
-
-def _flat(*grids: FloatArray) -> list[FloatArray]:
-    """Views (rows columns, 2) of (rows, columns, 2)."""
-    return [grid.reshape(-1, 2) for grid in grids]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -145,14 +141,23 @@ class _Profiles:
         t = duty / 2 + np.linspace(-window, window, SIDE_SAMPLES)
         return cls(picture, t, _beside(SIDE_LINES, duty), np.empty((0, 2, SIDE_SAMPLES)))
 
-    def measure(self, weights: FloatArray, blocks: IntArray, *there: FloatArray) -> None:
-        """Move the last of `there`, all (N, 2): right, down, shift from centre to middle, position."""
-        room, picture = np.empty(len(self.t)), readable(self.picture.pixels)
+    def measure(
+        self,
+        weights: FloatArray,
+        blocks: IntArray,
+        right: FloatArray,
+        down: FloatArray,
+        shift: FloatArray,
+        position: FloatArray,
+    ) -> None:
+        """Move `position` of `blocks`, by (rows, columns, 2): steps to the right, down, shift from centre to middle."""
+        picture, room = readable(self.picture.pixels), np.empty(len(self.t))
+        there = right.reshape(-1, 2), down.reshape(-1, 2), shift.reshape(-1, 2)
         if len(self.filters):
-            how = *picture, self.picture.blur_px, self.t, self.s, self.filters, BLUR_BORDERS
-            kernel.fit_profiles(*how, weights, blocks, *there[:3], room, there[3])
+            how = self.picture.blur_px, self.t, self.s, self.filters, BLUR_BORDERS, weights, blocks
+            kernel.fit_profiles(*picture, *how, *there, room, position.reshape(-1, 2))
         else:
-            kernel.fit_sides(*picture, self.t, self.s, weights, blocks, *there[:3], room, there[3])
+            kernel.fit_sides(*picture, self.t, self.s, weights, blocks, *there, room, position.reshape(-1, 2))
 
 
 @cache

@@ -68,10 +68,8 @@ def look_at(picture: Image, p: FloatArray, u: FloatArray, v: FloatArray, duty: f
 
     The other colour is that of the gap, or of whatever hides the gap: only the block's own colour is known.
     """
-    found = np.empty((len(p), 9))
-    kernel.look_at_patches(
-        *readable(picture), p, u, v, duty, np.empty((SAMPLES, SAMPLES, 3)), np.empty(SAMPLES**2), found
-    )
+    found, room = np.empty((len(p), 9)), (np.empty((SAMPLES, SAMPLES, 3)), np.empty(SAMPLES**2))
+    kernel.look_at_patches(*readable(picture), p, u, v, duty, *room, found)
     return Patches(found[:, :3], found[:, 3:5], found[:, 5:7], found[:, 7], found[:, 8])
 
 

@@ -74,7 +74,8 @@ def place_islands(
         misread = np.where(clear[island.member], MISREAD, MISREAD / 3)
         where, nats = np.zeros(2, np.int64), np.full(2, -np.inf)
         color, match = label[island.member], float(np.log(code.base - 1))
-        ways += kernel.lay_island(free, code.colors, match, offset, color, misread, continued, where, nats)
+        more: float = kernel.lay_island(free, code.colors, match, offset, color, misread, continued, where, nats)
+        ways += more
         if nats[0] > LEAD + nats[1]:
             row, column = (where + offset).T
             fits = free[row, column] & (code.colors[row, column] == color)
