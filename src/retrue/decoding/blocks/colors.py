@@ -80,7 +80,8 @@ def _unmixing(light: FloatArray, palette: FloatArray) -> FloatArray:
     scale = _quantile(light[usable], 0.95) if usable.any() else np.ones(3)
     scaled = light / np.maximum(scale, 1e-9)
     to_scale = np.diag(1 / np.maximum(scale, 1e-9))
-    pure = [np.any((palette[:, c] > 0.5) & (np.delete(palette, c, axis=1) < 0.1).all(axis=1)) for c in range(3)]
+    lit, dark = palette > 0.5, palette < 0.1
+    pure = [(lit[:, c] & dark[:, c - 1] & dark[:, c - 2]).any() for c in range(3)]
     if usable.sum() < 30 or not all(pure):
         return to_scale
     chroma = scaled[usable] / scaled[usable].sum(axis=1, keepdims=True)
