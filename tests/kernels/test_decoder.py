@@ -15,7 +15,7 @@ from retrue.decoding.blocks.decode_color_grid import inspect_color_grid
 from retrue.patterns.color_grid import make_color_grid
 from tests.kernels.plain import SOURCES, plain
 
-KERNELS = ("blobs", "lattice", "places", "profiles")
+KERNELS = ("blobs", "lattice", "links", "places", "profiles")
 FIELDS = ("label", "verdict", "holder", "centre_px", "sigma_px", "confidence", "color")
 
 
@@ -55,13 +55,17 @@ def scene(depth: type[np.unsignedinteger]) -> tuple[Any, np.ndarray]:
 
 
 @pytest.mark.parametrize("depth", [np.uint8, np.uint16])
-def test_every_kernel_says_the_same_uncompiled(depth: type[np.unsignedinteger], monkeypatch: pytest.MonkeyPatch) -> None:
+def test_every_kernel_says_the_same_uncompiled(
+    depth: type[np.unsignedinteger], monkeypatch: pytest.MonkeyPatch
+) -> None:
     grid, picture = scene(depth)
     expected = inspect_color_grid(grid, picture)
     assert (expected.holder >= 0).sum() > 60
     called: set[str] = set()
     for module in (blobs, centres, colors, growth, holders, islands, links, places, surface):
-        monkeypatch.setattr(module, "kernel", Checked(module.kernel, called))
+        for name in ("kernel", "link_kernel"):
+            if hasattr(module, name):
+                monkeypatch.setattr(module, name, Checked(getattr(module, name), called))
     found = inspect_color_grid(grid, picture)
     for field in FIELDS:
         np.testing.assert_array_equal(getattr(found, field), getattr(expected, field), err_msg=field)

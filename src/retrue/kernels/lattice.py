@@ -66,23 +66,6 @@ def _mean_step(ahead: Vector, behind: Vector) -> Vector:
 
 @cython.cfunc
 @cython.nogil
-@cython.inline
-@cython.exceptval(check=False)
-def _own_slope(
-    position: cython.const[cython.double][:, :, ::1],
-    linked: cython.const[cython.uchar][:, :],
-    r: cython.Py_ssize_t,
-    c: cython.Py_ssize_t,
-    down: cython.Py_ssize_t,
-    right: cython.Py_ssize_t,
-) -> Vector:
-    return _mean_step(
-        _step(position, linked, r, c, down, right), _step(position, linked, r - down, c - right, down, right)
-    )
-
-
-@cython.cfunc
-@cython.nogil
 @cython.exceptval(check=False)
 def _borrowed_slope(
     position: cython.const[cython.double][:, :, ::1],
@@ -107,9 +90,10 @@ def _borrowed_slope(
             linked, i = _joined(joints_down, r - 1, c), r - 1
         if linked:
             if along_rows:
-                slope = _own_slope(position, joints_right, i, j, 0, 1)
+                ahead, behind = _step(position, joints_right, i, j, 0, 1), _step(position, joints_right, i, j - 1, 0, 1)
             else:
-                slope = _own_slope(position, joints_down, i, j, 1, 0)
+                ahead, behind = _step(position, joints_down, i, j, 1, 0), _step(position, joints_down, i - 1, j, 1, 0)
+            slope = _mean_step(ahead, behind)
             if isfinite(slope.x):
                 x += slope.x
                 y += slope.y
@@ -148,8 +132,7 @@ def slopes(
 
     One-sided at the ends of a surface; where a block has no neighbour in a direction, as its other neighbours have it.
     """
-    r: cython.Py_ssize_t
-    c: cython.Py_ssize_t
+    cython.declare(r=cython.Py_ssize_t, c=cython.Py_ssize_t)
     with cython.nogil:
         for r in range(position.shape[0]):
             for c in range(position.shape[1]):
@@ -204,8 +187,7 @@ def alike_steps(
     alike_down: cython.uchar[:, ::1],
 ) -> cython.void:
     """The joints whose step is like another one: of the next row or column, or before or after it in its own."""
-    r: cython.Py_ssize_t
-    c: cython.Py_ssize_t
+    cython.declare(r=cython.Py_ssize_t, c=cython.Py_ssize_t)
     with cython.nogil:
         for r in range(right.shape[0]):
             for c in range(right.shape[1]):
@@ -225,8 +207,7 @@ def measure_sides(
 
     `shape` (rows, columns, 4) are the second moments M of the blocks; in grid units, J^-1 M J^-T with J the steps.
     """
-    r: cython.Py_ssize_t
-    c: cython.Py_ssize_t
+    cython.declare(r=cython.Py_ssize_t, c=cython.Py_ssize_t)
     with cython.nogil:
         for r in range(shape.shape[0]):
             for c in range(shape.shape[1]):
@@ -251,17 +232,11 @@ def compare_sides(
     alike: cython.uchar[:, ::1],
 ) -> cython.void:
     """`alike` is cleared where a block's sides are not those of its linked neighbours, or the `usual` ones for lack."""
-    total: cython.double
-    least: cython.double
-    most: cython.double
-    other: cython.double
-    like: cython.double
-    change: cython.double
-    linked: cython.bint
-    r: cython.Py_ssize_t
-    c: cython.Py_ssize_t
-    k: cython.Py_ssize_t
-    beside: cython.Py_ssize_t
+    cython.declare(
+        total=cython.double, least=cython.double, most=cython.double, other=cython.double, like=cython.double
+    )
+    cython.declare(change=cython.double, linked=cython.bint)
+    cython.declare(r=cython.Py_ssize_t, c=cython.Py_ssize_t, k=cython.Py_ssize_t, beside=cython.Py_ssize_t)
     with cython.nogil:
         rows, columns = alike.shape[0], alike.shape[1]
         for r in range(rows):
@@ -319,8 +294,7 @@ def _middle(
     direction: cython.Py_ssize_t,
 ) -> Vector:
     """The middle of the two linked neighbours of (r, c) in that direction; NaN where one lacks."""
-    dr = 0 if direction == 0 else 1
-    dc = 0 if direction == 1 else -1 if direction == 3 else 1
+    dr, dc = (0 if direction == 0 else 1), (0 if direction == 1 else -1 if direction == 3 else 1)
     if not (_next_in_line(right, down, r, c, direction) and _next_in_line(right, down, r - dr, c - dc, direction)):
         return Vector(NAN, NAN)
     return Vector(
@@ -340,9 +314,7 @@ def line_distances(
 
     `off` <- the offsets of all, x and y, as many as are returned.
     """
-    r: cython.Py_ssize_t
-    c: cython.Py_ssize_t
-    direction: cython.Py_ssize_t
+    cython.declare(r=cython.Py_ssize_t, c=cython.Py_ssize_t, direction=cython.Py_ssize_t)
     count: cython.Py_ssize_t = 0
     with cython.nogil:
         for r in range(position.shape[0]):
@@ -366,9 +338,7 @@ def meet_lines(
     spread: cython.double[:, ::1],
 ) -> cython.void:
     """`expected` (rows, columns, 2) <- mean of two middles or more; `spread` <- how far they are from it at most."""
-    r: cython.Py_ssize_t
-    c: cython.Py_ssize_t
-    direction: cython.Py_ssize_t
+    cython.declare(r=cython.Py_ssize_t, c=cython.Py_ssize_t, direction=cython.Py_ssize_t)
     with cython.nogil:
         for r in range(position.shape[0]):
             for c in range(position.shape[1]):
@@ -416,13 +386,10 @@ def bend_changes(
     lines: cython.double[:, :, ::1],
 ) -> cython.void:
     """`lines` (4, rows, columns) <- variance of one coordinate, from the change of the bend along each line; or NaN."""
-    direction: cython.Py_ssize_t
-    r: cython.Py_ssize_t
-    c: cython.Py_ssize_t
+    cython.declare(direction=cython.Py_ssize_t, r=cython.Py_ssize_t, c=cython.Py_ssize_t)
     with cython.nogil:
         for direction in range(DIRECTIONS):
-            dr = 0 if direction == 0 else 1
-            dc = 0 if direction == 1 else -1 if direction == 3 else 1
+            dr, dc = (0 if direction == 0 else 1), (0 if direction == 1 else -1 if direction == 3 else 1)
             for r in range(position.shape[0]):
                 for c in range(position.shape[1]):
                     here = _bend(position, right, down, r, c, direction)

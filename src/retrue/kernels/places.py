@@ -58,9 +58,7 @@ def look_up(
 
     `weight` (9,) makes a key of a window; `keys` are in order, `places` theirs.
     """
-    known: cython.bint
-    n: cython.Py_ssize_t
-    member: cython.Py_ssize_t
+    cython.declare(known=cython.bint, n=cython.Py_ssize_t, member=cython.Py_ssize_t)
     with cython.nogil:
         count = keys.shape[0]
         for n in range(around.shape[0]):
@@ -110,10 +108,7 @@ def elect(
 
     Boyer and Moore: whoever has more than half of all votes is left, when votes for others cancel them out.
     """
-    counting: cython.Py_ssize_t
-    n: cython.Py_ssize_t
-    v: cython.Py_ssize_t
-    member: cython.Py_ssize_t
+    cython.declare(counting=cython.Py_ssize_t, n=cython.Py_ssize_t, v=cython.Py_ssize_t, member=cython.Py_ssize_t)
     with cython.nogil:
         for counting in range(2):
             for v in range(said.shape[0]):
@@ -159,8 +154,7 @@ def keep_undisputed(
 
     One of a colour that is not the code's stands against half as many.
     """
-    n: cython.Py_ssize_t
-    member: cython.Py_ssize_t
+    cython.declare(n=cython.Py_ssize_t, member=cython.Py_ssize_t)
     with cython.nogil:
         for n in range(place.shape[0]):
             kept[n] = NONE
@@ -194,8 +188,7 @@ def count_neighbours(
 ) -> cython.void:
     """How many of the eight neighbours of each block (N,) stand where it says and have the colour that the code has
     there; and how many are `clear`ly of another colour, wherever they stand."""
-    n: cython.Py_ssize_t
-    member: cython.Py_ssize_t
+    cython.declare(n=cython.Py_ssize_t, member=cython.Py_ssize_t)
     with cython.nogil:
         for n in range(place.shape[0]):
             agreeing[n], contradicting[n] = 0, 0
@@ -240,8 +233,7 @@ def join_agreeing(
     surface: cython.longlong[::1],
 ) -> cython.void:
     """`surface` (N,) <- one number for all blocks that stand where their neighbours say."""
-    n: cython.Py_ssize_t
-    member: cython.Py_ssize_t
+    cython.declare(n=cython.Py_ssize_t, member=cython.Py_ssize_t)
     with cython.nogil:
         for n in range(place.shape[0]):
             surface[n] = n
@@ -268,8 +260,7 @@ def link_blocks(
     down: cython.uchar[:, ::1],
 ) -> cython.void:
     """`right`, `down` <- which blocks of the code hold, `holder` or -1, blobs that are neighbours there, too."""
-    r: cython.Py_ssize_t
-    c: cython.Py_ssize_t
+    cython.declare(r=cython.Py_ssize_t, c=cython.Py_ssize_t)
     rows, columns = holder.shape[0], holder.shape[1]
     with cython.nogil:
         for r in range(rows):
@@ -300,9 +291,7 @@ def join_linked(
     right: cython.const[cython.uchar][:, :], down: cython.const[cython.uchar][:, :], surface: cython.longlong[::1]
 ) -> cython.void:
     """The same (rows columns,) of all places of the code that joints to the right and down hold together."""
-    n: cython.Py_ssize_t
-    r: cython.Py_ssize_t
-    c: cython.Py_ssize_t
+    cython.declare(n=cython.Py_ssize_t, r=cython.Py_ssize_t, c=cython.Py_ssize_t)
     with cython.nogil:
         rows, columns = right.shape[0], down.shape[1]
         for n in range(surface.shape[0]):
@@ -315,51 +304,6 @@ def join_linked(
                     _join(surface, r * columns + c, (r + 1) * columns + c)
         for n in range(surface.shape[0]):
             surface[n] = surface[surface[n]]
-
-
-def gather_islands(
-    neighbour: cython.const[cython.longlong][:, ::1],
-    turn: cython.const[cython.longlong][:, ::1],
-    at: cython.longlong[:, ::1],
-    turned: cython.longlong[::1],
-    member: cython.longlong[::1],
-    first: cython.longlong[::1],
-) -> cython.Py_ssize_t:
-    """Linked blobs, with their `at` (N, 2), (row, column), and `turned` (N,), quarter turns, in their island's frame.
-
-    -1 in `turned` at first, and of those that are linked to none. `member` <- them, one island after the other, of
-    which k starts at `first` (N + 1,) k; returns how many islands there are.
-    """
-    root: cython.Py_ssize_t
-    k: cython.Py_ssize_t
-    islands: cython.Py_ssize_t = 0
-    count: cython.Py_ssize_t = 0
-    with cython.nogil:
-        for root in range(neighbour.shape[0]):
-            if turned[root] >= 0:
-                continue
-            if neighbour[root, 0] < 0 and neighbour[root, 1] < 0 and neighbour[root, 2] < 0 and neighbour[root, 3] < 0:
-                continue
-            at[root, 0], at[root, 1], turned[root] = 0, 0, 0
-            first[islands], member[count] = count, root
-            islands += 1
-            taken: cython.Py_ssize_t = count
-            count += 1
-            while taken < count:
-                blob = member[taken]
-                taken += 1
-                for k in range(4):
-                    other = neighbour[blob, k]
-                    if other < 0 or turned[other] >= 0:
-                        continue
-                    direction = (k + 4 - turned[blob]) % 4
-                    at[other, 0] = at[blob, 0] + (1 if direction == 1 else -1 if direction == 3 else 0)
-                    at[other, 1] = at[blob, 1] + (1 if direction == 0 else -1 if direction == 2 else 0)
-                    turned[other] = (turned[blob] + turn[blob, k]) % 4
-                    member[count] = other
-                    count += 1
-        first[islands] = count
-    return islands
 
 
 def lay_island(
@@ -380,9 +324,7 @@ def lay_island(
     when it is far from where the surface beside is `continued` to the middle of the blobs; returned is the sum of these
     likelihoods, which is how many ways there are.
     """
-    k: cython.Py_ssize_t
-    r: cython.Py_ssize_t
-    c: cython.Py_ssize_t
+    cython.declare(k=cython.Py_ssize_t, r=cython.Py_ssize_t, c=cython.Py_ssize_t)
     with cython.nogil:
         blobs = offset.shape[0]
         top, bottom, left, right, down, along = offset[0, 0], offset[0, 0], offset[0, 1], offset[0, 1], 0.0, 0.0

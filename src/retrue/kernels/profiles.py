@@ -33,10 +33,7 @@ def _bilinear(
     `pixels` (height width 3,) are its own; `levels` is the number that each value of them is, which is quicker looked
     up than converted.
     """
-    column: cython.Py_ssize_t
-    row: cython.Py_ssize_t
-    i: cython.Py_ssize_t
-    j: cython.Py_ssize_t
+    cython.declare(column=cython.Py_ssize_t, row=cython.Py_ssize_t, i=cython.Py_ssize_t, j=cython.Py_ssize_t)
     if 0 <= x < width - 1 and 0 <= y < height - 1:
         column, row = cython.cast(cython.Py_ssize_t, x), cython.cast(cython.Py_ssize_t, y)
     else:
@@ -78,14 +75,10 @@ def weigh_channels(
             ux, uy, vx, vy = 0.5 * right[n, 0], 0.5 * right[n, 1], 0.5 * down[n, 0], 0.5 * down[n, 1]
             if not isfinite(x + ux + vx):
                 continue
-            after, before = (
-                _bilinear(pixels, height, width, levels, x + ux, y + uy),
-                _bilinear(pixels, height, width, levels, x - ux, y - uy),
-            )
-            below, above = (
-                _bilinear(pixels, height, width, levels, x + vx, y + vy),
-                _bilinear(pixels, height, width, levels, x - vx, y - vy),
-            )
+            after = _bilinear(pixels, height, width, levels, x + ux, y + uy)
+            before = _bilinear(pixels, height, width, levels, x - ux, y - uy)
+            below = _bilinear(pixels, height, width, levels, x + vx, y + vy)
+            above = _bilinear(pixels, height, width, levels, x - vx, y - vy)
             here = _bilinear(pixels, height, width, levels, x, y)
             red = here.red - min(after.red, before.red, below.red, above.red)
             green = here.green - min(after.green, before.green, below.green, above.green)
@@ -117,8 +110,7 @@ def _read_profile(
     profile: cython.double[::1],
 ) -> cython.void:
     """`profile` (T,) <- weights (3,) of block n times the colour at (x, y) + t u + s v, mean over s."""
-    i: cython.Py_ssize_t
-    k: cython.Py_ssize_t
+    cython.declare(i=cython.Py_ssize_t, k=cython.Py_ssize_t)
     lines = s.shape[0]
     for i in range(t.shape[0]):
         red, green, blue = 0.0, 0.0, 0.0
@@ -154,9 +146,7 @@ def fit_profiles(
     The middle lies `shift` off the centre at `position`, (N, 2) each; `borders` (K - 1,) are the blurs, in pitches,
     between which each of the K pairs of `filters` (K, 2, T) is used.
     """
-    k: cython.Py_ssize_t
-    axis: cython.Py_ssize_t
-    i: cython.Py_ssize_t
+    cython.declare(k=cython.Py_ssize_t, axis=cython.Py_ssize_t, i=cython.Py_ssize_t)
     with cython.nogil:
         samples = t.shape[0]
         for k in range(blocks.shape[0]):
@@ -203,9 +193,7 @@ def fit_sides(
     position: cython.double[:, ::1],
 ) -> cython.void:
     """The same by their two sides alone, each where the area under its profile, over the window `t`, says."""
-    k: cython.Py_ssize_t
-    side: cython.Py_ssize_t
-    i: cython.Py_ssize_t
+    cython.declare(k=cython.Py_ssize_t, side=cython.Py_ssize_t, i=cython.Py_ssize_t)
     with cython.nogil:
         samples = t.shape[0]
         half = (t[samples - 1] - t[0]) / 2
@@ -235,10 +223,8 @@ def fit_sides(
                     along_u += off
                 else:
                     along_v += off
-            position[n, 0], position[n, 1] = (
-                position[n, 0] + (along_u * ux + along_v * vx),
-                position[n, 1] + (along_u * uy + along_v * vy),
-            )
+            position[n, 0] += along_u * ux + along_v * vx
+            position[n, 1] += along_u * uy + along_v * vy
 
 
 @cython.cfunc
@@ -291,10 +277,7 @@ def _middle_value(
     values: cython.double[::1],
 ) -> cython.double:
     """The median of one channel over the samples within `inner` of the middle, an odd number of them."""
-    slot: cython.Py_ssize_t
-    i: cython.Py_ssize_t
-    j: cython.Py_ssize_t
-    value: cython.double
+    cython.declare(slot=cython.Py_ssize_t, i=cython.Py_ssize_t, j=cython.Py_ssize_t, value=cython.double)
     mid = PATCH // 2
     half = (2 * inner + 1) * (2 * inner + 1) // 2 + 1
     count: cython.Py_ssize_t = 0
@@ -322,10 +305,7 @@ def _unevenness(
     patch: cython.const[cython.double][:, :, ::1], color: Color, core: cython.Py_ssize_t, largest: cython.double[::1]
 ) -> cython.double:
     """90th percentile of the distance from `color` over the samples within `core` of the middle."""
-    slot: cython.Py_ssize_t
-    kept: cython.Py_ssize_t
-    i: cython.Py_ssize_t
-    j: cython.Py_ssize_t
+    cython.declare(slot=cython.Py_ssize_t, kept=cython.Py_ssize_t, i=cython.Py_ssize_t, j=cython.Py_ssize_t)
     mid = PATCH // 2
     kept = (2 * core + 1) * (2 * core + 1) // 10 + 1
     for i in range(kept):
@@ -356,13 +336,8 @@ def _changes(
     change: cython.double[::1],
 ) -> cython.void:
     """`change` <- distance from `color`, in steps, of the mean of the `across` lines on one side of the middle."""
-    red: cython.double
-    green: cython.double
-    blue: cython.double
-    r: cython.Py_ssize_t
-    c: cython.Py_ssize_t
-    i: cython.Py_ssize_t
-    k: cython.Py_ssize_t
+    cython.declare(red=cython.double, green=cython.double, blue=cython.double)
+    cython.declare(r=cython.Py_ssize_t, c=cython.Py_ssize_t, i=cython.Py_ssize_t, k=cython.Py_ssize_t)
     mid, share = PATCH // 2, 1.0 / across
     for i in range(PATCH):
         red, green, blue = 0.0, 0.0, 0.0
@@ -389,18 +364,9 @@ def look_at_patches(
     found: cython.double[:, ::1],
 ) -> cython.void:
     """`found` (N, 9) <- light 3, offset 2, stretch 2, skew, uneven of the blocks at `position` with pitches u and v."""
-    red: cython.double
-    green: cython.double
-    blue: cython.double
-    a: cython.double
-    b: cython.double
-    x: cython.double
-    y: cython.double
-    skew: cython.double
-    n: cython.Py_ssize_t
-    i: cython.Py_ssize_t
-    axis: cython.Py_ssize_t
-    j: cython.Py_ssize_t
+    cython.declare(red=cython.double, green=cython.double, blue=cython.double, a=cython.double, b=cython.double)
+    cython.declare(x=cython.double, y=cython.double, skew=cython.double)
+    cython.declare(n=cython.Py_ssize_t, i=cython.Py_ssize_t, axis=cython.Py_ssize_t, j=cython.Py_ssize_t)
     with cython.nogil:
         mid, half = PATCH // 2, duty / 2
         spacing = PATCH_REACH / mid

@@ -12,6 +12,7 @@ from retrue.decoding.blocks.links import NONE, Links, lengths_and_bends, nearest
 from retrue.decoding.blocks.places import Code
 from retrue.decoding.blocks.surface import Joints, median, slopes
 from retrue.geometry.arrays import BoolArray, FloatArray, IntArray
+from retrue.kernels import links as link_kernel
 from retrue.kernels import places as kernel
 
 FEWEST = 6  # blobs of an island
@@ -63,8 +64,8 @@ def place_islands(
     axes_u, axes_v = u[held], v[held]
     middles = np.stack([blocks.centre[island.member].mean(axis=0) for island in islands])
     laid: list[tuple[float, _Island, IntArray]] = []
-    ways = 1.0
-    for island, middle, near in zip(islands, middles, nearest(beside, middles)[1], strict=True):
+    ways, nearby = np.zeros(len(islands)), nearest(beside, middles)[1]
+    for k, (island, middle, near) in enumerate(zip(islands, middles, nearby, strict=True)):
         surface = axes_u[near].tolist(), axes_v[near].tolist()
         quarter = _quarter_turns(_axes(blocks.centre[island.member], island.at), surface)
         if quarter == NONE:
@@ -74,15 +75,14 @@ def place_islands(
         misread = np.where(clear[island.member], MISREAD, MISREAD / 3)
         where, nats = np.zeros(2, np.int64), np.full(2, -np.inf)
         color, match = label[island.member], float(np.log(code.base - 1))
-        more: float = kernel.lay_island(free, code.colors, match, offset, color, misread, continued, where, nats)
-        ways += more
+        ways[k] = kernel.lay_island(free, code.colors, match, offset, color, misread, continued, where, nats)
         if nats[0] > LEAD + nats[1]:
             row, column = (where + offset).T
             fits = free[row, column] & (code.colors[row, column] == color)
             held_at = code.place(row, column, (quarter - island.turn) % 4)
             laid.append((float(nats[0]), island, np.where(fits, held_at, NONE)))
     for nats, island, where in sorted(laid, key=lambda way: way[0]):
-        if nats > SIGNIFICANCE + np.log(ways):
+        if nats > SIGNIFICANCE + np.log(1 + ways.sum()):
             place[island.member] = where
     return place
 
@@ -101,11 +101,11 @@ def _islands(neighbour: IntArray, turn: IntArray) -> list[_Island]:
     count = len(neighbour)
     at, turned, member = np.empty((count, 2), np.int64), np.full(count, NONE), np.empty(count, np.int64)
     first = np.empty(count + 1, np.int64)
-    found: int = kernel.gather_islands(neighbour, turn, at, turned, member, first)
+    first = first[: link_kernel.gather_islands(neighbour, turn, at, turned, member, first) + 1]
     islands: list[_Island] = []
-    for k in np.flatnonzero(np.diff(first[: found + 1]) >= FEWEST):
+    for k in np.flatnonzero(np.diff(first) >= FEWEST):
         blobs = member[first[k] : first[k + 1]]
-        if len(set(map(tuple, at[blobs].tolist()))) == len(blobs):
+        if len(np.unique(at[blobs], axis=0)) == len(blobs):
             islands.append(_Island(blobs, at[blobs], turned[blobs]))
     return islands
 

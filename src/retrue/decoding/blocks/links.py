@@ -6,7 +6,7 @@ import numpy as np
 
 from retrue.decoding.blocks.blobs import Blocks
 from retrue.geometry.arrays import FloatArray, IntArray
-from retrue.kernels import blobs as kernel
+from retrue.kernels import links as kernel
 
 CANDIDATES = 8  # nearest blobs that may be one of the four neighbours, or one of the four diagonal ones
 NONE = -1
