@@ -105,7 +105,7 @@ def _islands(neighbour: IntArray, turn: IntArray) -> list[_Island]:
     islands: list[_Island] = []
     for k in np.flatnonzero(np.diff(first) >= FEWEST):
         blobs = member[first[k] : first[k + 1]]
-        if len(np.unique(at[blobs], axis=0)) == len(blobs):
+        if len(np.unique(at[blobs] @ [2 * count, 1])) == len(blobs):
             islands.append(_Island(blobs, at[blobs], turned[blobs]))
     return islands
 
