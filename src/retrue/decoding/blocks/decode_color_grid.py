@@ -8,9 +8,8 @@ import cv2
 import numpy as np
 
 from retrue.correspondences import Correspondences
-from retrue.decoding.blocks.advice import advise
 from retrue.decoding.blocks.look import look
-from retrue.decoding.blocks.sight import GridSight
+from retrue.decoding.blocks.sight import GridSight, advise
 from retrue.errors import InputError
 from retrue.geometry.arrays import FloatArray, Image
 from retrue.patterns.color_grid import ColorGrid
