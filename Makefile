@@ -4,6 +4,8 @@ BIN := .venv/bin
 COMPILE := $(BIN)/uv pip compile --quiet --universal --generate-hashes --python-version 3.11 --no-header --no-annotate
 COMPILED := setup.py build_backend/retrue_build.py $(wildcard src/retrue/kernels/*.py)
 
+unexport PYTHONPATH  # what is installed is what is tried
+
 .PHONY: test demo docs examples browser format lock wheels clean
 
 test: .venv/dev.stamp .venv/run.stamp
@@ -40,7 +42,6 @@ wheels:
 	rm -rf dist build/wheels && $(PYTHON) -m venv build/wheels/tools
 	build/wheels/tools/bin/python -m pip install --quiet "cython>=3.2,<4" "setuptools>=77" ziglang
 	for arch in x86_64 aarch64; do \
-		rm -rf build/lib* build/bdist*; \
 		zig="build/wheels/tools/bin/python -m ziglang cc -target $$arch-linux-gnu.2.17"; \
 		suffix=$$($(PYTHON) -c "import sys; print('.cpython-%d%d' % sys.version_info[:2])")-$$arch-linux-gnu.so; \
 		CC="$$zig" LDSHARED="$$zig -shared" SETUPTOOLS_EXT_SUFFIX=$$suffix build/wheels/tools/bin/python -m pip wheel \

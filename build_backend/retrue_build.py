@@ -47,6 +47,12 @@ def get_requires_for_build_editable(config_settings: Any = None) -> list[str]:
     return [*build_meta.get_requires_for_build_editable(config_settings), *_missing_compiler()]
 
 
+def build_wheel(wheel_directory: str, config_settings: Any = None, metadata_directory: str | None = None) -> str:
+    for folder in Path("build").glob("lib*"):  # setuptools would pack what an earlier build left there
+        shutil.rmtree(folder)
+    return build_meta.build_wheel(wheel_directory, config_settings, metadata_directory)
+
+
 def _missing_compiler() -> list[str]:
     return [] if _compiler() else ["ziglang>=0.13"]
 
@@ -73,6 +79,10 @@ class BuildKernels(build_ext):
             _choose_compiler()
             if not any(Path(folder, "Python.h").is_file() for folder in self.include_dirs):
                 raise SystemExit("Python.h: not found; install Python's headers (Debian: python3-dev)")
+        stems = {_stem(kernel) for kernel in self.extensions}
+        for old in KERNELS.glob("*.so"):
+            if old.name.partition(".")[0] not in stems:  # of a kernel that is no more
+                old.unlink()
         self.force = True
         self.parallel = os.cpu_count()
         super().run()

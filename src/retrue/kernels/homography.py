@@ -381,21 +381,19 @@ def _write(
     """`out` <- T^-1 H S, T and S the frames, of norm 1, with most points in front."""
     cython.declare(i=cython.Py_ssize_t, j=cython.Py_ssize_t, k=cython.Py_ssize_t)
     for i in range(3):
-        out[i, 0], out[i, 1] = h[3 * i] * frames[0], h[3 * i + 1] * frames[0]
-        out[i, 2] = h[3 * i + 2] - out[i, 0] * frames[1] - out[i, 1] * frames[2]
-    square = 0.0
+        h[3 * i] *= frames[0]
+        h[3 * i + 1] *= frames[0]
+        h[3 * i + 2] -= h[3 * i] * frames[1] + h[3 * i + 1] * frames[2]
     for j in range(3):
         for i in range(2):
-            out[i, j] = out[i, j] / frames[3] + frames[4 + i] * out[2, j]
-        square += out[0, j] * out[0, j] + out[1, j] * out[1, j] + out[2, j] * out[2, j]
-    if not square > 0:
+            h[3 * i + j] = h[3 * i + j] / frames[3] + frames[4 + i] * h[6 + j]
+    if not _to_unit_length(h):
         return False
     in_front = 0
     for k in range(source.shape[0]):
-        if out[2, 0] * source[k, 0] + out[2, 1] * source[k, 1] + out[2, 2] > 0:
+        if h[6] * source[k, 0] + h[7] * source[k, 1] + h[8] > 0:
             in_front += 1
-    scale = (-1.0 if 2 * in_front < source.shape[0] else 1.0) / sqrt(square)
-    for i in range(3):
-        for j in range(3):
-            out[i, j] *= scale
+    sign = -1.0 if 2 * in_front < source.shape[0] else 1.0
+    for i in range(9):
+        out[i // 3, i % 3] = sign * h[i]
     return True
