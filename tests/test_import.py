@@ -24,7 +24,7 @@ PUBLIC = [
     "roll_back", "simulate", "triangulate", "verify", "with_normals", "write_cloud", "write_in_place",
     "write_mesh", "write_pattern", "write_png", "write_points", "write_report", "write_rig", "write_step",
 ]  # fmt: skip
-HEAVY = {"cv2", "scipy", "numba", "matplotlib", "tyro"}
+HEAVY = {"cv2", "scipy", "matplotlib", "tyro"}
 
 
 def modules_after(code: str) -> set[str]:
