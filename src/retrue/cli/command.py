@@ -86,6 +86,10 @@ class ReportingCommand(Command):
 
     report: Annotated[Path | None, arg(metavar="PAGE.html")] = None
 
+    def read(self, captures: Sequence[Path], pattern: Path | None) -> list[Capture]:
+        """The captures, with their photographs where a page will show them."""
+        return read_captures(captures, shown_pattern(pattern), keep_photographs=self.report is not None)
+
 
 def log(message: str) -> None:
     """What was found on the way, out of the way of what a program may read from stdout."""

@@ -17,9 +17,7 @@ from retrue.cli.command import (
     PatternPath,
     ReportingCommand,
     RigPath,
-    read_captures,
     require_writable,
-    shown_pattern,
 )
 from retrue.errors import InputError
 from retrue.recalibration.options import RecalibrateOptions
@@ -68,8 +66,7 @@ class Recalibrate(ReportingCommand):
             raise InputError("expected one of --out NEW.json and --in-place")
         require_writable(self.rig if self.in_place else self.out, self.report)
         rig = read_rig(self.rig)
-        pattern = shown_pattern(self.pattern)
-        captures = read_captures(self.captures, pattern, keep_photographs=self.report is not None)
+        captures = self.read(self.captures, self.pattern)
         start = time.perf_counter()
         result = recalibrate(rig, [capture.points for capture in captures], self.limits)
         seconds = time.perf_counter() - start

@@ -10,17 +10,7 @@ from typing import TYPE_CHECKING, Any
 from tyro.conf import OmitArgPrefixes
 
 from retrue.cad.options import CadOptions
-from retrue.cli.command import (
-    DONE,
-    CapturePath,
-    Outcome,
-    PatternPath,
-    ReportingCommand,
-    RigPath,
-    read_captures,
-    require_writable,
-    shown_pattern,
-)
+from retrue.cli.command import DONE, CapturePath, Outcome, PatternPath, ReportingCommand, RigPath, require_writable
 from retrue.reconstruction.options import ReconstructOptions
 
 if TYPE_CHECKING:
@@ -80,9 +70,8 @@ class Reconstruct(ReportingCommand):
 
         require_writable(self.out, self.mesh, self.cad, self.report)
         rig = read_rig(self.rig)
+        (capture,) = self.read([self.capture], self.pattern)
         self._require_formats(rig.unit)
-        pattern = shown_pattern(self.pattern)
-        (capture,) = read_captures([self.capture], pattern, keep_photographs=self.report is not None)
         start = time.perf_counter()
         cloud = self._finished(reconstruct(rig, capture.points, self.limits))
         mesh = None if self.mesh is None else make_mesh(cloud)

@@ -13,9 +13,7 @@ from retrue.cli.command import (
     PatternPath,
     ReportingCommand,
     RigPath,
-    read_captures,
     require_writable,
-    shown_pattern,
 )
 
 
@@ -44,8 +42,7 @@ class Verify(ReportingCommand):
 
         require_writable(self.report)
         rig = read_rig(self.rig)
-        pattern = shown_pattern(self.pattern)
-        captures = read_captures(self.captures, pattern, keep_photographs=self.report is not None)
+        captures = self.read(self.captures, self.pattern)
         start = time.perf_counter()
         verification = verify(rig, [capture.points for capture in captures])
         report = verification_report(verification, time.perf_counter() - start)
