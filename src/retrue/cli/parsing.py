@@ -60,7 +60,8 @@ def _explained(arguments: Sequence[str], complaint: str) -> str:
         return f"retrue {arguments[0]}: missing {', '.join(names)}; retrue {arguments[0]} --help has an example"
     _, _, inside = complaint.partition("\n")
     text = re.sub(r"[\s\u2500-\u257f]+", " ", inside)
-    if limit := re.search(r"dummy\S*: (\w+)(: expected .*?) ?(?:For full helptext|$)", text):  # of an options class
+    # What a class of options refuses:
+    if limit := re.search(r"Error parsing [\w-]+: (\w+)(: expected .*?) ?(?:For full helptext|$)", text):
         return f"{_option(limit[1])}{limit[2]}"
     return re.sub(r"Argument helptext:.*(?=For full helptext)", "", text).strip()
 
