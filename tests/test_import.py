@@ -27,10 +27,11 @@ PUBLIC = [
 HEAVY = {"cv2", "scipy", "matplotlib", "tyro"}
 
 
-def modules_after(code: str) -> set[str]:
+def modules_after(code: str, *, whole: bool = False) -> set[str]:
+    """Names of the modules, or of their packages."""
     lines = f"{code}\nimport sys\nprint(*sys.modules)"
     done = subprocess.run([sys.executable, "-c", lines], capture_output=True, text=True, check=True)
-    return {name.partition(".")[0] for name in done.stdout.split()}
+    return {name if whole else name.partition(".")[0] for name in done.stdout.split()}
 
 
 def test_heavy_libraries_are_not_imported() -> None:
@@ -48,6 +49,17 @@ def test_names_load_no_heavy_library_but_what_finds_the_board() -> None:
 def test_help_loads_no_heavy_library() -> None:
     code = "from retrue.cli.main import main\ntry: main(['--help'])\nexcept SystemExit: pass"
     assert not (HEAVY - {"tyro"} | {"numpy"}) & modules_after(code)
+
+
+@pytest.mark.parametrize("command", ["recalibrate", "verify"])
+def test_a_command_loads_what_it_needs_and_no_more(command: str, tmp_path: Path) -> None:
+    data = Path(retrue.__file__).parent / "demo_data"
+    words = [command, str(data / "rig_before.json"), str(data / "scene.jpg"), "--pattern", str(data / "pattern.json")]
+    words += ["--quiet", *(["--out", str(tmp_path / "new.json")] if command == "recalibrate" else [])]
+    loaded = modules_after(f"from retrue.cli.main import main\nassert main({words}) in (0, 1)", whole=True)
+    assert f"retrue.cli.{command}" in loaded
+    assert not {"retrue.cli.calibrate", "retrue.cli.watch", "retrue.report.page"} & loaded
+    assert not {"jinja2", "matplotlib", "PIL", "plotly", "trimesh"} & loaded
 
 
 def test_the_public_names_are_these() -> None:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -13,6 +13,29 @@ from retrue.errors import InputError, require_kind, require_kinds
 from retrue.geometry.arrays import BoolArray, FloatArray, IntArray, finite_array, frozen_array
 from retrue.shown import ShortRepr, Shown, counted
 from retrue.values import ByValue
+
+
+@dataclass(frozen=True, slots=True)
+class Card:
+    """What a decoder has to say of a capture, counted in what it decodes: pixels of a Gray code, blocks of a grid.
+
+    Attributes
+    ----------
+    counted : "pixels" or "blocks".
+    seen : how many the projector was seen to light, decoded : how many became points.
+    rejected : the others, by reason.
+    coverage : share of the picture.
+    advice : what to change, a sentence each.
+    details : what only this decoder measures.
+    """
+
+    counted: Literal["pixels", "blocks"]
+    seen: int
+    decoded: int
+    rejected: Mapping[str, int]
+    coverage: float
+    advice: tuple[str, ...] = ()
+    details: Mapping[str, Any] = field(default_factory=dict[str, Any])
 
 
 @dataclass(frozen=True, slots=True, eq=False, repr=False)
@@ -29,7 +52,7 @@ class Correspondences(ByValue, ShortRepr):
     colors : (N, 3) uint8 red, green, blue of the scene, or None.
     cells : (N, 2) int, (row, column) in a grid whose neighbours are neighbours on the surface: camera
         pixels for a dense code, blocks for a colour grid. None where the points have no topology.
-    card : what the decoder has to say: counts, coverage, what was rejected and why, what to change.
+    card : what the decoder has to say; None where the points come from elsewhere.
     """
 
     camera_px: FloatArray
@@ -39,7 +62,7 @@ class Correspondences(ByValue, ShortRepr):
     confidence: FloatArray | None = None
     colors: NDArray[np.uint8] | None = None
     cells: IntArray | None = None
-    card: Mapping[str, Any] = field(default_factory=dict[str, Any])
+    card: Card | None = None
 
     def __post_init__(self) -> None:
         camera_px = finite_array(self.camera_px, (None, 2), "camera_px")
@@ -68,8 +91,8 @@ class Correspondences(ByValue, ShortRepr):
         columns = [name for name in OPTIONAL_COLUMNS if getattr(self, name) is not None]
         if columns:
             rows["with"] = ", ".join(columns)
-        if advice := self.card.get("advice"):
-            rows["advice"] = str(advice if isinstance(advice, str) else "; ".join(map(str, advice)))
+        if self.card is not None and self.card.advice:
+            rows["advice"] = "; ".join(self.card.advice)
         return counted(len(self), "point"), rows
 
 

@@ -10,13 +10,13 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from retrue.calibration.result import Calibrated, RefusedCalibration
+from retrue.capture import Capture
 from retrue.correspondences import Correspondences, require_captures
 from retrue.errors import InputError, require_kind, require_path
 from retrue.files.atomic import replaced_file
 from retrue.recalibration.result import Accepted, Refused, Verification
 from retrue.reconstruction.cloud import Cloud
 from retrue.report.page import Page, Provenance, page_html
-from retrue.report.seen import SeenCapture
 from retrue.rig import Rig, require_rig
 
 if TYPE_CHECKING:
@@ -80,7 +80,7 @@ def _page(
     if len(pictures) > len(captures):
         raise InputError(f"pictures: expected at most one of each capture, {len(captures)}, found {len(pictures)}")
     seen = [
-        SeenCapture(f"capture {number}", points, picture)
+        Capture(f"capture {number}", points, picture)
         for number, (points, picture) in enumerate(zip_longest(captures, pictures), start=1)
     ]
     if isinstance(result, Verification):

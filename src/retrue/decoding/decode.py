@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from importlib import import_module
 
 import numpy as np
 
@@ -49,3 +50,9 @@ def decode(pattern: Pattern, images: Image | Sequence[Image], *, names: Sequence
     from retrue.decoding.blocks.decode_color_grid import decode_color_grid
 
     return decode_color_grid(pattern, *pictures)
+
+
+def import_decoder(pattern: Pattern) -> None:
+    """Import what `decode` needs for such a pattern, as it otherwise does at its first call."""
+    name = "gray.decode_gray_code" if isinstance(pattern, GrayCode) else "blocks.decode_color_grid"
+    import_module(f"retrue.decoding.{name}")

@@ -11,12 +11,12 @@ from typing import Any
 
 import numpy as np
 
+from retrue.capture import Capture
 from retrue.geometry.arrays import FloatArray, IntArray
 from retrue.geometry.transform import skew
 from retrue.reconstruction.reconstruct import epipolar_residuals
 from retrue.report.figures import every, numbers, picture_layout, polyline
 from retrue.report.page import Chart, Section, Tabs
-from retrue.report.seen import SeenCapture
 from retrue.rig import Rig
 from retrue.shown import figures
 
@@ -33,7 +33,7 @@ COLOR_LIMITS_PX = (0.01, 10.0)  # the same on every page, so that a color means 
 RESIDUAL_COLORS = ((0.0, "#2166ac"), (0.33, "#67b7d1"), (0.55, "#f6e08a"), (0.72, "#ef8a47"), (1.0, "#b2182b"))
 
 
-def residual_section(rigs: Mapping[str, Rig], captures: Sequence[SeenCapture]) -> Section:
+def residual_section(rigs: Mapping[str, Rig], captures: Sequence[Capture]) -> Section:
     """Points over the photographs colored by residual, arrows, and how many miss by how much.
 
     `rigs` by the name of their tab, the one that counts first; the others are drawn of a single capture only.
@@ -61,19 +61,19 @@ def residual_section(rigs: Mapping[str, Rig], captures: Sequence[SeenCapture]) -
     )
 
 
-def residuals_of(rig: Rig, captures: Sequence[SeenCapture]) -> FloatArray:
+def residuals_of(rig: Rig, captures: Sequence[Capture]) -> FloatArray:
     """Of all points of all captures, in pixels."""
     return np.concatenate([epipolar_residuals(rig, capture.points) for capture in captures])
 
 
-def median_residual(rig: Rig, captures: Sequence[SeenCapture]) -> float:
+def median_residual(rig: Rig, captures: Sequence[Capture]) -> float:
     """The median of their sizes; NaN of nothing."""
     residuals = residuals_of(rig, captures)
     size = np.abs(residuals[np.isfinite(residuals)])
     return float(np.median(size)) if len(size) else float("nan")
 
 
-def point_picture(rig: Rig, capture: SeenCapture) -> Chart:
+def point_picture(rig: Rig, capture: Capture) -> Chart:
     """The photograph with every decoded point (thinned), colored by its residual; one scale for all pages."""
     residual = np.abs(epipolar_residuals(rig, capture.points))
     rows = every(len(residual), MOST_OVER_PHOTOGRAPH)
@@ -95,7 +95,7 @@ def point_picture(rig: Rig, capture: SeenCapture) -> Chart:
             "line": {"width": 0},
         },
     }
-    layout = picture_layout(rig.camera.size, capture.picture, PALE)
+    layout = picture_layout(rig.camera.size, capture.photograph, PALE)
     layout["coloraxis"] = {
         "colorscale": RESIDUAL_COLORS,
         "cmin": low,
@@ -121,7 +121,7 @@ def point_picture(rig: Rig, capture: SeenCapture) -> Chart:
     )
 
 
-def arrow_picture(rig: Rig, capture: SeenCapture) -> Chart:
+def arrow_picture(rig: Rig, capture: Capture) -> Chart:
     """The residuals as arrows across the epipolar lines, lengthened by a round factor that is said."""
     residual = epipolar_residuals(rig, capture.points)
     finite = np.flatnonzero(np.isfinite(residual))
@@ -147,7 +147,7 @@ def arrow_picture(rig: Rig, capture: SeenCapture) -> Chart:
         },
     }
     return Chart(
-        {"data": [trace], "layout": picture_layout(rig.camera.size, capture.picture, PALE)},
+        {"data": [trace], "layout": picture_layout(rig.camera.size, capture.photograph, PALE)},
         "Residuals as arrows over the photograph",
         f"Arrows are {figures(factor)} times as long as the residuals, and point across the epipolar lines"
         " (strays beyond a fifth of the width are left out). Chance points everywhere; neighbours that agree point at"
@@ -212,7 +212,7 @@ def _limits(residuals: list[FloatArray]) -> tuple[float, float]:
     return low, max(max(float(np.quantile(size, 0.995)) for size in sizes), 10 * low)
 
 
-def _across(rig: Rig, capture: SeenCapture, rows: IntArray) -> FloatArray:
+def _across(rig: Rig, capture: Capture, rows: IntArray) -> FloatArray:
     """Unit vectors (N, 2) in the camera's picture across each point's epipolar line, towards that line."""
     pose = rig.projector_from_camera
     E = skew(pose.t) @ pose.R

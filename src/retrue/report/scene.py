@@ -11,6 +11,7 @@ from typing import Any
 
 import numpy as np
 
+from retrue.capture import Capture
 from retrue.errors import DegenerateError
 from retrue.geometry.arrays import FloatArray
 from retrue.geometry.camera import Camera
@@ -23,7 +24,6 @@ from retrue.report.evidence_tables import candidate_name
 from retrue.report.figures import every, harmless, hex_colors, numbers, polyline
 from retrue.report.lengths import LengthUnit
 from retrue.report.page import Block, Chart, Text
-from retrue.report.seen import SeenCapture
 from retrue.rig import Rig
 
 MOST_IN_SPACE = 8000
@@ -207,7 +207,7 @@ def _bounds(points: FloatArray, always: FloatArray) -> tuple[FloatArray, FloatAr
     return low - room, high + room
 
 
-def cloud_of(rig: Rig, captures: Sequence[SeenCapture]) -> Cloud | None:
+def cloud_of(rig: Rig, captures: Sequence[Capture]) -> Cloud | None:
     """The points of all captures under one rig; None where there are none."""
     clouds: list[Cloud] = []
     for capture in captures:
