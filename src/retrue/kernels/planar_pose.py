@@ -67,7 +67,7 @@ def _far_eigenvector(m1: Vector, m2: Vector, m3: Vector) -> Vector:
     """Unit eigenvector of symmetric M whose eigenvalue lies farthest from the other two; zero where all are equal.
 
     M = q I + p B with B of trace 0 and |B|^2 = 6 has eigenvalues q + p x, x^3 - 3 x = det B. The root beyond
-    +-sqrt 3 is always simple: Newton from a parabola settles in three steps.
+    +-sqrt 3 is always simple: Newton from a cubic settles in two steps.
     """
     q = (m1.x + m2.y + m3.z) / 3
     d0, d1, d2 = m1.x - q, m2.y - q, m3.z - q
@@ -78,8 +78,8 @@ def _far_eigenvector(m1: Vector, m2: Vector, m3: Vector) -> Vector:
     determinant = d0 * (d1 * d2 - e2 * e2) - e0 * (e0 * d2 - e1 * e2) + e1 * (e0 * e2 - d1 * e1)
     cosine = determinant / (2 * p * p * p)
     size = min(fabs(cosine), 1.0)
-    x = 1.7320508075688772 + size * (1.0 / 3.0 - 0.06538414090221052 * size)
-    for _ in range(3):
+    x = 1.73212376 + size * (0.33080833 + size * (-0.08176201 + 0.01888711 * size))
+    for _ in range(2):
         x -= (x * x * x - 3 * x - 2 * size) / (3 * x * x - 3)
     shift = p * x if cosine >= 0 else -p * x
     r1, r2, r3 = Vector(d0 - shift, e0, e1), Vector(e0, d1 - shift, e2), Vector(e1, e2, d2 - shift)
@@ -153,7 +153,8 @@ def _solve(
     a, b = max(mu1 / mu2 - 1, 0.0), max(1 - mu3 / mu2, 0.0)
     if not a + b > WELL_POSED:
         return _no_pose(out, row)
-    p, q = sqrt(a / (a + b)), sqrt(b / (a + b))
+    scale = 1 / (a + b)
+    p, q = sqrt(a * scale), sqrt(b * scale)
     r2 = _times(c1, c2, c3, v2)  # Q = sign H / sqrt(mu2)
     inverse = sign / sqrt(_dot(r2, r2))
     r2 = _scaled(inverse, r2)
