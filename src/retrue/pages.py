@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 
 Result = Accepted | Refused | Verification | Cloud | Calibrated | RefusedCalibration
 
-LIBRARIES = ("retrue", "numpy", "scipy", "opencv-python-headless", "plotly")
+LIBRARIES = ("retrue", "numpy", "scipy", "opencv-python-headless")
 
 
 def write_report(
