@@ -89,7 +89,8 @@ def quantile(values: FloatArray, share: float) -> float:
     low = int(place)
     high = min(low + 1, len(values) - 1)
     chosen = np.partition(values, (low, high))
-    return float(chosen[low] + (place - low) * (chosen[high] - chosen[low]))
+    below, above = float(chosen[low]), float(chosen[high])
+    return below + (place - low) * (above - below) if below < above else below
 
 
 def biweight_level(values: FloatArray, correction: float = 1.0) -> float:
