@@ -113,6 +113,18 @@ def reweighted_level(values: FloatArray, start: float, correction: float = 1.0) 
     return cast("float", kernel.reweighted_level(values, start, CUTOFF, inflation, SMALLEST_LEVEL, STEPS))
 
 
+def grid_blocks(points: FloatArray, group: IntArray, per_side: int) -> IntArray:
+    """(N,) number of the block, one of a grid over the points (N, 2) of each group, that each lies in; -1 in group -1.
+
+    >>> grid_blocks(np.array([[0.0, 0.0], [0.4, 0.9], [1.0, 1.0], [5.0, 5.0]]), np.array([0, 0, 0, -1]), 2).tolist()
+    [0, 2, 3, -1]
+    """
+    blocks = np.empty(len(points), dtype=np.int64)
+    extent = np.empty((int(group.max(initial=-1)) + 1, 4))
+    kernel.number_blocks(np.ascontiguousarray(points), np.ascontiguousarray(group), per_side, extent, blocks)
+    return blocks
+
+
 def with_shared_part(values: FloatArray, weights: FloatArray, level: float, blocks: IntArray) -> Noise:
     """Split the scatter of block means into what independent noise explains and what it does not.
 

@@ -9,6 +9,7 @@ where the full bundle adjustment does.
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -105,12 +106,17 @@ def tangent_basis(t: FloatArray) -> FloatArray:
     >>> tangent_basis(np.array([0.0, 0.0, 1.0])).round(9).tolist()
     [[0.0, -1.0], [1.0, 0.0], [0.0, 0.0]]
     """
-    axis = np.zeros(3)
-    axis[np.argmin(np.abs(t))] = 1.0
-    T = skew(t)
-    first = T @ axis
-    first /= np.linalg.norm(first)
-    return np.stack([first, T @ first], axis=1)
+    x, y, z = t.tolist()
+    smallest = min(abs(x), abs(y), abs(z))
+    if abs(x) == smallest:
+        u, v, w = 0.0, z, 0.0 - y
+    elif abs(y) == smallest:
+        u, v, w = -z, 0.0, x
+    else:
+        u, v, w = y, -x, 0.0
+    length = math.sqrt(u * u + v * v + w * w)
+    u, v, w = u / length, v / length, w / length
+    return np.array([[u, y * w - z * v], [v, z * u - x * w], [w, x * v - y * u]])
 
 
 def epipolar_residuals(pose: RigidTransform | TwoViewPose, points: TwoViewPoints) -> FloatArray:
@@ -148,16 +154,22 @@ def normal_equations(
     blocks = np.zeros((count + 1, width, width))
     _run(pose, points, NO_RESIDUALS, weights, columns, blocks)
     size = POSE_PARAMETERS + 3 * count
+    own = np.arange(POSE_PARAMETERS, size).reshape(count, 3)
     information, cross = np.zeros((size, size)), np.zeros((size, len(columns)))
-    information[:5, :5] = blocks[:, :5, :5].sum(axis=0)
-    cross[:5] = blocks[:, 8:, :5].sum(axis=0).T
-    for k, (n, block) in enumerate(zip(pose.planes, blocks, strict=False)):
-        own = slice(5 + 3 * k, 8 + 3 * k)
-        information[own, :5], information[:5, own] = block[5:8, :5], block[:5, 5:8]
-        information[own, own] = block[5:8, 5:8] + np.eye(3) / max(float(n @ n), 1e-12)
-        cross[own] = block[8:, 5:8].T
-    among = np.tril(blocks[:, 8:, 8:].sum(axis=0))
-    return information, cross, among + np.tril(among, -1).T
+    both = blocks.sum(axis=0)
+    information[:5, :5], cross[:5] = both[:5, :5], both[8:, :5].T
+    information[5:, :5] = blocks[:-1, 5:8, :5].reshape(own.size, 5)
+    information[own[:, :, None], own[:, None]] = blocks[:-1, 5:8, 5:8]
+    cross[5:] = blocks[:-1, 8:, 5:8].transpose(0, 2, 1).reshape(own.size, len(columns))
+    held = 1 / np.maximum((pose.planes**2).sum(axis=1), 1e-12)
+    information[own, own] += held[:, None]
+    return _symmetric(information), cross, _symmetric(both[8:, 8:])
+
+
+def _symmetric(lower: FloatArray) -> FloatArray:
+    full = lower + lower.T
+    full.flat[:: len(lower) + 1] /= 2
+    return full
 
 
 def _run(
@@ -169,10 +181,10 @@ def _run(
     blocks: FloatArray,
 ) -> None:
     """The kernel, on arrays as it takes them."""
-    axes = np.column_stack([pose.t, tangent_basis(pose.t)]).T
+    axes = np.array([pose.t, *tangent_basis(pose.t).T])
     kernel.two_view(
         np.ascontiguousarray(pose.R),
-        np.ascontiguousarray(axes),
+        axes,
         np.ascontiguousarray(pose.planes),
         np.ascontiguousarray(points.camera_rays),
         np.ascontiguousarray(points.projector_rays),

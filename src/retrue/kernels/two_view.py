@@ -36,17 +36,31 @@ def _dot(a: Vector, b: Vector) -> cython.double:
 @cython.inline
 @cython.exceptval(check=False)
 def _add(
-    block: cython.double[:, ::1], row: cython.p_double, weight: cython.double, used: cython.Py_ssize_t
+    square: cython.p_double,
+    block: cython.double[:, ::1],
+    row: cython.p_double,
+    weight: cython.double,
+    used: cython.Py_ssize_t,
 ) -> cython.void:
-    """weight row row^T: all of the first `used` columns with each other, and each later one with those before it."""
+    """weight row row^T: the unknowns with each other into `square`, and each later column with those before it."""
     for i in range(used):
         scaled: cython.double = weight * row[i]
-        for j in range(used):
-            block[i, j] += scaled * row[j]
+        for j in range(i + 1):
+            square[UNKNOWNS * i + j] += scaled * row[j]
     for i in range(UNKNOWNS, block.shape[0]):
         scaled = weight * row[i]
         for j in range(i + 1):
             block[i, j] += scaled * row[j]
+
+
+@cython.cfunc
+@cython.exceptval(check=False)
+def _flush(square: cython.p_double, block: cython.double[:, ::1]) -> cython.void:
+    """Move the sums into the block."""
+    for i in range(UNKNOWNS):
+        for j in range(i + 1):
+            block[i, j] += square[UNKNOWNS * i + j]
+            square[UNKNOWNS * i + j] = 0.0
 
 
 def two_view(
@@ -77,7 +91,10 @@ def two_view(
     """
     adds: cython.bint = weights.shape[1] > 0
     extra: cython.Py_ssize_t = columns.shape[0]
-    across: cython.Py_ssize_t = planes.shape[0]
+    last: cython.Py_ssize_t = -1  # the plane that `on_plane` has the sums of
+    across, on_plane = cython.declare(cython.double[64]), cython.declare(cython.double[64])
+    for i in range(64):
+        across[i], on_plane[i] = 0.0, 0.0
     row = cython.declare(cython.double[40])
     if extra > MOST_EXTRA:
         raise ValueError("two views: more columns than a row holds")
@@ -120,7 +137,7 @@ def two_view(
             row[5], row[6], row[7] = 0.0, 0.0, 0.0
             for i in range(extra):
                 row[UNKNOWNS + i] = columns[i, 0, k]
-            _add(blocks[across], row, weights[0, k], POSE)
+            _add(across, blocks[planes.shape[0]], row, weights[0, k], 5)
         if plane < 0 or (adds and not weights[1, k] > 0):
             continue
         n = Vector(planes[plane, 0], planes[plane, 1], planes[plane, 2])
@@ -155,4 +172,12 @@ def two_view(
         row[5], row[6], row[7] = pulled * x.x, pulled * x.y, pulled
         for i in range(extra):
             row[UNKNOWNS + i] = columns[i, 1, k]
-        _add(blocks[plane], row, weights[1, k], UNKNOWNS)
+        if plane != last:
+            if last >= 0:
+                _flush(on_plane, blocks[last])
+            last = plane
+        _add(on_plane, blocks[plane], row, weights[1, k], 8)
+    if adds:
+        _flush(across, blocks[planes.shape[0]])
+        if last >= 0:
+            _flush(on_plane, blocks[last])

@@ -26,7 +26,7 @@ from retrue.recalibration.result import share_behind
 from retrue.rig import Rig
 
 COMPARED_POINTS = 4000  # enough to tell the twins apart; the chosen one is then refined on all
-GATHERED_POINTS = 1500  # enough to bring a start near
+GATHERED_POINTS = 800  # enough to bring a start near
 STARTING_PLANES = 3
 MOSTLY = 0.5
 SAME_POSE = np.radians(0.5)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
@@ -15,6 +16,7 @@ from retrue.geometry.robust import (
     biweight_level,
     biweight_loss,
     biweights,
+    grid_blocks,
     median_level,
     reweighted_level,
     with_shared_part,
@@ -52,48 +54,53 @@ class Support:
     def of(cls, rays: Rays) -> Support:
         """Number the blocks over the points of each capture, and over those of each plane."""
         x, plane = rays.points.camera_rays, rays.points.plane_index
-        return cls(rays.points, np.stack([_blocks(x, rays.capture), _blocks(x, plane)]))
+        return cls(rays.points, np.stack([grid_blocks(x, rays.capture, BLOCKS), grid_blocks(x, plane, BLOCKS)]))
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@dataclass(frozen=True, eq=False)
 class PoseFit:
     """A pose, and what it rests on there.
 
     Attributes
     ----------
     pose : R, unit t, planes.
+    points : that it was evaluated on.
     found : residuals at the pose.
     epipolar_noise, along_noise : levels of both families.
     robust_weights : (2, N) of both, 0 .. 1.
-    information, gradient : normal equations at the pose.
     """
 
     pose: TwoViewPose
+    points: TwoViewPoints
     found: Residuals
     epipolar_noise: Noise
     along_noise: Noise
     robust_weights: FloatArray
-    information: FloatArray
-    gradient: FloatArray
 
-    @property
+    @cached_property
     def covariance(self) -> FloatArray:
         """(5, 5) of the pose, see `pose_covariance`."""
-        return pose_covariance(self.information) * COVARIANCE_FACTOR
+        return pose_covariance(self._normal_equations[0]) * COVARIANCE_FACTOR
 
     @property
     def explained(self) -> BoolArray:
         """(N,) points that agree with the epipolar geometry of this pose."""
         return self.robust_weights[0] > 0
 
-    @property
+    @cached_property
     def weights(self) -> FloatArray:
         """(2, N) of the normal equations: robust weights over effective variances."""
         return self.robust_weights / np.stack([self.epipolar_noise.variance, self.along_noise.variance])
 
     def improved(self) -> TwoViewPose:
         """One Gauss-Newton step further."""
-        return self.pose.moved(solve_normal_equations(self.information, -self.gradient))
+        information, gradient = self._normal_equations
+        return self.pose.moved(solve_normal_equations(information, -gradient))
+
+    @cached_property
+    def _normal_equations(self) -> tuple[FloatArray, FloatArray]:
+        information, cross, _ = normal_equations(self.pose, self.points, self.weights, self.found.both[None])
+        return information, cross[:, 0]
 
 
 def refine(start: TwoViewPose, support: Support, iterations: int) -> PoseFit:
@@ -132,7 +139,7 @@ def gather(start: TwoViewPose, points: TwoViewPoints) -> TwoViewPose:
 
 
 def evaluate(pose: TwoViewPose, support: Support) -> PoseFit:
-    """Residuals, noise, weights and normal equations at a pose."""
+    """Residuals, noise and weights at a pose."""
     found = residuals(pose, support.points)
     on_plane = int(np.count_nonzero(support.points.plane_index != FREE))
     count = len(support.points) + on_plane
@@ -144,9 +151,7 @@ def evaluate(pose: TwoViewPose, support: Support) -> PoseFit:
     epipolar_noise, along_noise = (
         with_shared_part(*family) for family in zip(found.both, robust_weights, levels, support.blocks, strict=True)
     )
-    weights = robust_weights / np.stack([epipolar_noise.variance, along_noise.variance])
-    information, cross, _ = normal_equations(pose, support.points, weights, found.both[None])
-    return PoseFit(pose, found, epipolar_noise, along_noise, robust_weights, information, cross[:, 0])
+    return PoseFit(pose, support.points, found, epipolar_noise, along_noise, robust_weights)
 
 
 def chi_square(fit: PoseFit, reference: PoseFit) -> FloatArray:
@@ -170,19 +175,6 @@ def solve_normal_equations(information: FloatArray, right: FloatArray) -> FloatA
     if not np.isfinite(step).all():
         raise DegenerateError("pose: the points do not determine it; show a plane that fills more of the picture")
     return step
-
-
-def _blocks(rays: FloatArray, group: IntArray) -> IntArray:
-    """(N,) number of the block, one of 6 x 6 over the points of each group, that each point lies in; -1 in group -1."""
-    blocks = np.full(len(rays), -1)
-    for index in range(int(group.max(initial=-1)) + 1):
-        mine = np.flatnonzero(group == index)
-        if len(mine):
-            low, high = rays[mine].min(axis=0), rays[mine].max(axis=0)
-            cell = ((rays[mine] - low) * (BLOCKS / np.maximum(high - low, 1e-300))).astype(np.int64)
-            cell = np.minimum(cell, BLOCKS - 1)
-            blocks[mine] = (index * BLOCKS + cell[:, 1]) * BLOCKS + cell[:, 0]
-    return blocks
 
 
 def _levels(found: Residuals, on_plane: int, correction: float) -> tuple[float, float]:

@@ -215,6 +215,9 @@ def interleaved_share(fit: PoseFit, rays: Rays) -> float:
             continue
         x = rays.points.camera_rays[mine]
         plane = rays.points.plane_index[mine]
+        if (plane == plane[0]).all():  # there is no other one
+            counted += len(mine)
+            continue
         other = plane[_nearest(x)]
         apart: BoolArray = _apart(fit, x, plane, other) > APART * _noise(fit, rays, mine)
         foreign += int(np.count_nonzero((other != plane) & apart))

@@ -11,12 +11,12 @@ import numpy as np
 from retrue.geometry.arrays import BoolArray, FloatArray
 from retrue.geometry.plane import Plane
 from retrue.geometry.transform import RigidTransform
-from retrue.geometry.two_view import FREE, POSE_PARAMETERS, TwoViewPoints, TwoViewPose
+from retrue.geometry.two_view import FREE, TwoViewPoints, TwoViewPose
 from retrue.recalibration.fit import PoseFit
 from retrue.recalibration.reasons import Reason
 from retrue.recalibration.scale import inverse_depths
 from retrue.rig import Rig
-from retrue.rig_difference import rig_difference
+from retrue.rig_difference import displacement_rms, rig_difference
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -185,12 +185,9 @@ def sigma_at(distance: float | None, covariance: FloatArray, pose: TwoViewPose, 
     true = replace(rig, projector_from_camera=RigidTransform(pose.R, pose.t * length))
     values, vectors = np.linalg.eigh(covariance)
     steps: FloatArray = vectors * np.sqrt(np.maximum(values, 0.0))
-    squares = 0.0
-    for k in range(POSE_PARAMETERS):
-        off = TwoViewPose(pose.R, pose.t).moved(steps[:, k])
-        wrong = replace(rig, projector_from_camera=RigidTransform(off.R, off.t * length))
-        squares += (rig_difference(true, wrong, distance).displacement or 0.0) ** 2
-    return replace(angles, displacement=float(np.sqrt(squares)))
+    moved = [TwoViewPose(pose.R, pose.t).moved(step) for step in steps.T]
+    wrong = [RigidTransform(off.R, off.t * length) for off in moved]
+    return replace(angles, displacement=float(np.linalg.norm(displacement_rms(true, true, wrong, distance))))
 
 
 def share_behind(fit: PoseFit, points: TwoViewPoints) -> float:

@@ -8,7 +8,6 @@ import numpy as np
 
 from retrue.geometry.arrays import FloatArray
 from retrue.geometry.two_view import (
-    NO_COLUMNS,
     POSE_PARAMETERS,
     Residuals,
     TwoViewPoints,
@@ -38,11 +37,10 @@ def systematic_covariance(rig: Rig, points: TwoViewPoints, fit: PoseFit, options
     """
     points, weights = _thinned(points, fit.weights)
     pose, found = fit.pose, residuals(fit.pose, points)
-    information, _, _ = normal_equations(pose, points, weights, NO_COLUMNS)
 
     def squares(moved: list[TwoViewPoints]) -> FloatArray:
         """Outer products of how far the fitted pose follows points that move."""
-        _, cross, _ = normal_equations(pose, points, weights, _changes(pose, found, moved))
+        information, cross, _ = normal_equations(pose, points, weights, _changes(pose, found, moved))
         steps = solve_normal_equations(information, cross)[:POSE_PARAMETERS]
         return steps @ steps.T
 
@@ -64,12 +62,12 @@ def focal_changes(points: TwoViewPoints, fit: PoseFit) -> dict[str, FocalChange]
     names = {device: f"{device}_rays" for device in ("camera", "projector")}
     moved = [replace(points, **{name: getattr(points, name) * (1 + small)}) for name in names.values()]
     columns = np.concatenate([_changes(fit.pose, fit.found, moved), fit.found.both[None]])
-    _, cross, among = normal_equations(fit.pose, points, fit.weights, columns)
+    information, cross, among = normal_equations(fit.pose, points, fit.weights, columns)
     changes: dict[str, FocalChange] = {}
     for k, device in enumerate(names):
         # Schur complement: what of the change the pose and the planes cannot take up themselves.
         own = among[k, k]
-        left = own - cross[:, k] @ solve_normal_equations(fit.information, cross[:, k])
+        left = own - cross[:, k] @ solve_normal_equations(information, cross[:, k])
         told = bool(left > 1e-9 * own)
         amount, sigma = (-small * among[k, -1] / left, small / np.sqrt(left)) if told else (0.0, np.inf)
         changes[device] = FocalChange(float(amount), float(sigma))
