@@ -124,7 +124,7 @@ def local_noise(camera_rays: FloatArray, projector_rays: FloatArray, rng: np.ran
     count = len(camera_rays)
     if count < NEIGHBOURS:
         return 0.0
-    rows = rng.permutation(count)[:SCATTERED_POINTS]
+    rows = rng.choice(count, min(SCATTERED_POINTS, count), replace=False)
     x, y = camera_rays[rows], projector_rays[rows]
     seeds = np.arange(min(SEEDS, len(rows)))
     triplets = rng.permuted(np.tile(np.arange(NEIGHBOURS), (TRIPLETS, 1)), axis=1)[:, :3]
@@ -146,7 +146,7 @@ def largest_plane(
 
     To the homography near a `start`, only a sample that more points agree with is preferred.
     """
-    rows = rng.permutation(len(x))[:SEARCHED_POINTS]
+    rows = rng.choice(len(x), min(SEARCHED_POINTS, len(x)), replace=False)
     source_center, target_center = x.mean(axis=0), y.mean(axis=0)
     s, d = x[rows] - source_center, y[rows] - target_center
     scored, cutoff = min(SCORED_POINTS, len(rows)), CUTOFF * noise

@@ -141,7 +141,7 @@ def compare_candidates(rays: Rays, homographies: list[FloatArray], rng: np.rando
         try:
             near = gather(start, few)
             if not any(same_pose(near, fit.pose) for fit in fits):
-                fits.append(refine(near, support, iterations=3))
+                fits.append(refine(near, support, iterations=2))
         except DegenerateError:
             continue
     fits = [fit for fit in fits if share_behind(fit, points) <= MOSTLY] or fits  # a mirrored pose is no rival
@@ -224,5 +224,6 @@ def _check_spread(rays: Rays, options: RecalibrateOptions) -> None:
 
 def _spread(points: FloatArray) -> tuple[float, float]:
     """Standard deviations along the widest and the narrowest direction."""
-    low, high = np.linalg.eigvalsh(np.cov(points.T))
+    centred = points - points.mean(axis=0)
+    low, high = np.linalg.eigvalsh(centred.T @ centred / max(len(points) - 1, 1))
     return float(np.sqrt(max(high, 0.0))), float(np.sqrt(max(low, 0.0)))

@@ -115,7 +115,7 @@ def refine(start: TwoViewPose, support: Support, iterations: int) -> PoseFit:
 
 
 def gather(start: TwoViewPose, points: TwoViewPoints) -> TwoViewPose:
-    """Draw in the points that a start from one plane misses: a wide reach for them, halved at each step.
+    """Draw in the points that a start from one plane misses: a wide reach for them, a third at each step.
 
     Each plane, and the points on none, have a scale of their own, so that the plane which the start
     comes from holds the pose while the others pull it right.
@@ -127,7 +127,7 @@ def gather(start: TwoViewPose, points: TwoViewPoints) -> TwoViewPose:
         found = residuals(pose, points)
         levels = np.array([median_level(found.both[:, mine].ravel()) for mine in members])
         floor = float(levels.min())
-        reach = max(floor, min(reach / 2, median_level(found.epipolar[free]))) if free.any() else floor
+        reach = max(floor, min(reach / 3, median_level(found.epipolar[free]))) if free.any() else floor
         scale = np.append(levels, reach)[points.plane_index]  # that of FREE is the last
         weights = biweight(found.both / scale) / scale**2
         information, cross, _ = normal_equations(pose, points, weights, found.both[None])
