@@ -192,8 +192,8 @@ def _run(
         np.ascontiguousarray(points.projector_sigma),
         np.ascontiguousarray(points.plane_index),
         residuals,
-        weights,
-        columns,
+        np.ascontiguousarray(weights),
+        np.ascontiguousarray(columns),
         blocks,
     )
 

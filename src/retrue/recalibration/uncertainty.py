@@ -76,8 +76,8 @@ def focal_changes(points: TwoViewPoints, fit: PoseFit) -> dict[str, FocalChange]
 
 def _thinned(points: TwoViewPoints, weights: FloatArray) -> tuple[TwoViewPoints, FloatArray]:
     """Every k-th point: what is smooth over the picture needs no more."""
-    every = slice(None, None, max(1, len(points) // ENOUGH_POINTS))
-    return points.select(every), np.ascontiguousarray(weights[:, every])
+    kept = np.arange(0, len(points), max(1, len(points) // ENOUGH_POINTS))
+    return points.select(kept), weights[:, kept]
 
 
 def _bowed(pose: TwoViewPose, points: TwoViewPoints, plane: int, flatness: float) -> list[TwoViewPoints]:
