@@ -29,14 +29,13 @@ COARSEST = 0.01  # noise that the search starts from, of the spread of the point
 NARROWER = 0.5  # of the noise that was searched with: then another plane may hold more points
 NEARLY = 0.8  # of the best plane's support; a sample with less will not surpass it once refined
 CUTOFF = 4.0  # of the noise, where a point stops to count
-REACH = 5.0  # where it stops to pull: wider, as that is more efficient
+REACH = 5.0  # where it stops to pull a fit that is alone: wider, as that is more efficient
 SETTLED = 0.01  # relative change of the noise
-STEPS = 4  # from a wide reach to the optimum
+STEPS, FINAL_STEPS = 4, 10  # from a wide reach: near the optimum, and to it
 LARGEST_SCATTER = 0.45  # of the cutoff, RMS; points that fill the band by chance have 0.58
 MEDIAN_DISTANCE = 1.1774  # of two normal components, in their sigma
 NEIGHBOURS, SEEDS, TRIPLETS = 12, 64, 20
 TRIPLET_CONSISTENCY = 1.16  # of the third smallest of nine errors, for independent normal noise (by simulation)
-SCATTERED_POINTS = 4000
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -95,9 +94,9 @@ def fit_homography_robust(
         scale = max(scale, 1e-12 * spread)
         if found is None or scale < NARROWER * searched:
             start, searched = None if found is None else found.homography, scale
-            again = largest_plane(source, target, scale, fewest, rng, start=start)
+            again = largest_plane(source, target, scale, fewest, rng, start=start, reach=REACH)
         else:
-            again = refined_plane(found.homography, source, target, scale, fewest)
+            again = refined_plane(found.homography, source, target, scale, fewest, REACH)
         if again is None and found is None and noise is None and 0 < scale < COARSEST * spread:
             scale *= 3  # neighbours agree with each other more closely than with the plane: their noise is smooth
             continue
@@ -124,12 +123,10 @@ def local_noise(camera_rays: FloatArray, projector_rays: FloatArray, rng: np.ran
     count = len(camera_rays)
     if count < NEIGHBOURS:
         return 0.0
-    rows = rng.choice(count, min(SCATTERED_POINTS, count), replace=False)
-    x, y = camera_rays[rows], projector_rays[rows]
-    seeds = np.arange(min(SEEDS, len(rows)))
+    seeds = rng.choice(count, min(SEEDS, count), replace=False)
     triplets = rng.permuted(np.tile(np.arange(NEIGHBOURS), (TRIPLETS, 1)), axis=1)[:, :3]
     scatter = np.empty(len(seeds))
-    kernel.local_scatter(x, y, seeds, np.ascontiguousarray(triplets), scatter)
+    kernel.local_scatter(camera_rays, projector_rays, seeds, np.ascontiguousarray(triplets), scatter)
     return float(np.sqrt(quantile(scatter, 0.5))) * TRIPLET_CONSISTENCY
 
 
@@ -141,6 +138,7 @@ def largest_plane(
     rng: np.random.Generator,
     most_hypotheses: int = MOST_HYPOTHESES,
     start: FloatArray | None = None,
+    reach: float = CUTOFF,
 ) -> RobustHomography | None:
     """The homography that the most points agree with, to `noise` per axis of y; None where none holds `fewest`.
 
@@ -168,16 +166,18 @@ def largest_plane(
             break
     if not score > 0:
         return None
-    return refined_plane(_shifted(best.reshape(3, 3), -source_center, target_center), x, y, noise, fewest)
+    return refined_plane(_shifted(best.reshape(3, 3), -source_center, target_center), x, y, noise, fewest, reach)
 
 
-def refined_plane(H: FloatArray, x: FloatArray, y: FloatArray, noise: float, fewest: int) -> RobustHomography | None:
+def refined_plane(
+    H: FloatArray, x: FloatArray, y: FloatArray, noise: float, fewest: int, reach: float
+) -> RobustHomography | None:
     """The homography near H that the most points agree with; None where fewer than `fewest` do, or as by chance."""
     source_center, target_center = x.mean(axis=0), y.mean(axis=0)
     s, d = x - source_center, y - target_center
     centred = _shifted(H, source_center, -target_center).ravel()
     least = max(MINIMAL_POINTS, fewest)
-    if not kernel.refine(s, d, len(s), REACH * noise, least, STEPS, centred) > 0:
+    if not kernel.refine(s, d, len(s), reach * noise, least, FINAL_STEPS, centred) > 0:
         return None
     relative = _distances(centred, s, d) / (CUTOFF * noise)
     inliers = relative < 1

@@ -141,7 +141,7 @@ def compare_candidates(rays: Rays, homographies: list[FloatArray], rng: np.rando
         try:
             near = gather(start, few)
             if not any(same_pose(near, fit.pose) for fit in fits):
-                fits.append(refine(near, support, iterations=2))
+                fits.append(refine(near, support, iterations=3))
         except DegenerateError:
             continue
     fits = [fit for fit in fits if share_behind(fit, points) <= MOSTLY] or fits  # a mirrored pose is no rival
