@@ -4,7 +4,9 @@ BIN := .venv/bin
 COMPILE := $(BIN)/uv pip compile --quiet --universal --generate-hashes --python-version 3.11 --no-header --no-annotate
 COMPILED := setup.py build_backend/retrue_build.py $(wildcard src/retrue/kernels/*.py)
 
-.PHONY: test demo docs examples browser format lock clean
+unexport PYTHONPATH  # what is installed is what is tried
+
+.PHONY: test demo docs examples browser format lock wheels clean
 
 test: .venv/dev.stamp .venv/run.stamp
 	$(BIN)/ruff check .
@@ -34,6 +36,22 @@ format: .venv/dev.stamp
 lock: .venv/dev.stamp
 	$(COMPILE) pyproject.toml -o requirements.lock
 	$(COMPILE) pyproject.toml --group dev -c requirements.lock -o requirements-dev.lock
+
+# Into dist: for Linux from glibc 2.17 on, by Zig; the one for this machine is tried in an environment of its own.
+wheels:
+	rm -rf dist build/wheels && $(PYTHON) -m venv build/wheels/tools
+	build/wheels/tools/bin/python -m pip install --quiet "cython>=3.2,<4" "setuptools>=77" ziglang
+	for arch in x86_64 aarch64; do \
+		zig="build/wheels/tools/bin/python -m ziglang cc -target $$arch-linux-gnu.2.17"; \
+		suffix=$$($(PYTHON) -c "import sys; print('.cpython-%d%d' % sys.version_info[:2])")-$$arch-linux-gnu.so; \
+		CC="$$zig" LDSHARED="$$zig -shared" SETUPTOOLS_EXT_SUFFIX=$$suffix build/wheels/tools/bin/python -m pip wheel \
+			--quiet --no-deps --no-build-isolation --wheel-dir dist \
+			--config-settings=--build-option=--plat-name=manylinux_2_17_$$arch . || exit 1; \
+	done
+	$(PYTHON) -m venv build/wheels/fresh
+	build/wheels/fresh/bin/python -m pip install --quiet --require-hashes -r requirements.lock
+	build/wheels/fresh/bin/python -m pip install --quiet --no-deps dist/*_$$(uname -m).whl
+	cd build/wheels && fresh/bin/retrue demo --out demo-out
 
 clean:
 	rm -rf .venv build demo-out src/retrue/kernels/*.so

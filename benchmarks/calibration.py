@@ -22,10 +22,10 @@ from retrue.calibration.board import Board, parse_board
 from retrue.calibration.bundle import adjust
 from retrue.calibration.calibrate import calibrate, calibrate_views
 from retrue.calibration.detection import BoardCorners
-from retrue.calibration.jacobians import INTRINSICS
 from retrue.calibration.observations import View, corner_group
 from retrue.calibration.options import CalibrationOptions
 from retrue.calibration.result import Calibrated
+from retrue.calibration.setup import INTRINSICS, Columns
 from retrue.calibration.views import BoardCapture, StereoCapture, projected_view, see_views
 from retrue.correspondences import Correspondences
 from retrue.geometry.camera import Camera
@@ -71,10 +71,12 @@ def plain_joint_rms(views: list[View], sizes: Sizes, terms: Iterable[str]) -> fl
     from retrue.calibration.calibrate import start
 
     groups = corner_group(views, 0), corner_group(views, 1)
-    active = np.zeros(27, dtype=bool)
-    active[18:24] = True
-    for device in (0, 9):
-        active[[device + i for i in range(4)] + [device + INTRINSICS.index(term) for term in terms]] = True
+    columns = Columns(2)
+    active = np.zeros(columns.shared, dtype=bool)
+    active[columns.pose] = True
+    for device in (0, 1):
+        active[columns.pinhole(device)] = True
+        active[[columns.intrinsic(device, term) for term in terms]] = True
     fit = adjust(start(views, sizes, (None, None)), groups, active, robust=False)
     return float(np.sqrt(np.mean(np.sum(np.concatenate(fit.errors) ** 2, axis=1))))
 

@@ -15,7 +15,7 @@ from pathlib import Path
 import cv2
 from side_by_side import Job, compare, print_machine
 
-from retrue import decode, load_kernels, read_image, read_pattern, read_rig, recalibrate
+from retrue import decode, read_image, read_pattern, read_rig, recalibrate
 from retrue.files.captures import read_capture
 from retrue.files.images import read_folder
 
@@ -27,7 +27,6 @@ def main() -> None:
     parser.add_argument("--rig", type=Path)
     parser.add_argument("--rounds", type=int, default=7)
     options = parser.parse_args()
-    print(f"compiled kernels: {load_kernels()}")
     print_machine()
     with as_file(files("retrue") / "demo_data") as data:
         color_grid(data, options.rounds)

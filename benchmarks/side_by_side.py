@@ -15,7 +15,7 @@ Job = Callable[[], object]
 
 def print_machine() -> None:
     """The processor and the versions that the figures hold for."""
-    optional = [name for name in ("numba", "poselib", "pycolmap") if find_spec(name) is not None]
+    optional = [name for name in ("poselib", "pycolmap") if find_spec(name) is not None]
     packages = ["numpy", "scipy", "opencv-python-headless", *optional]
     print(f"{_processor()}, Python {platform.python_version()}")
     print(", ".join(f"{name} {version(name)}" for name in packages))

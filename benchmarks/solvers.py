@@ -17,7 +17,6 @@ from retrue import (
     RigidTransform,
     fit_homography,
     fit_homography_robust,
-    load_kernels,
     planar_pose_candidates,
     planar_pose_candidates_batch,
     recalibrate,
@@ -40,7 +39,6 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--rounds", type=int, default=15)
     rounds = parser.parse_args().rounds
-    print(f"compiled kernels: {load_kernels()}")
     print_machine()
     rng = np.random.default_rng(0)
     poses(rng, rounds)

@@ -49,6 +49,12 @@ def get_requires_for_build_editable(config_settings: Any = None) -> list[str]:
     return [*build_meta.get_requires_for_build_editable(config_settings), *_missing_compiler()]
 
 
+def build_wheel(wheel_directory: str, config_settings: Any = None, metadata_directory: str | None = None) -> str:
+    for folder in Path("build").glob("lib*"):  # setuptools would pack what an earlier build left there
+        shutil.rmtree(folder)
+    return build_meta.build_wheel(wheel_directory, config_settings, metadata_directory)
+
+
 def _missing_compiler() -> list[str]:
     return [] if _compiler() else ["ziglang>=0.13"]
 
@@ -75,6 +81,10 @@ class BuildKernels(build_ext):
             _choose_compiler()
             if not any(Path(folder, "Python.h").is_file() for folder in self.include_dirs):
                 raise SystemExit("Python.h: not found; install Python's headers (Debian: python3-dev)")
+        stems = {_stem(kernel) for kernel in self.extensions}
+        for old in KERNELS.glob("*.so"):
+            if old.name.partition(".")[0] not in stems:  # of a kernel that is no more
+                old.unlink()
         self.force = True
         self.parallel = os.cpu_count()
         super().run()
@@ -109,6 +119,7 @@ class BuildKernels(build_ext):
     def _translate(self, changed: list[Extension]) -> None:
         """Write their C, of a copy of each source that knows its own hash, and make that what is compiled."""
         from Cython.Build import cythonize
+        from Cython.Compiler.Errors import CompileError
 
         folder = KEPT / "c" / PACKAGE.replace(".", "/")
         folder.mkdir(parents=True, exist_ok=True)
@@ -122,9 +133,12 @@ class BuildKernels(build_ext):
                 copy = copy.with_suffix(".py")
                 copy.write_bytes(source + f'SOURCE_SHA256 = "{sha256(source).hexdigest()}"\n'.encode())
             copies.append(Extension(kernel.name, [copy.as_posix()]))
-        translated = cythonize(
-            copies, force=True, quiet=True, compiler_directives=DIRECTIVES, shared_utility_qualified_name=SHARED
-        )
+        try:
+            translated = cythonize(
+                copies, force=True, quiet=True, compiler_directives=DIRECTIVES, shared_utility_qualified_name=SHARED
+            )
+        except CompileError as error:  # Cython has said which and where
+            raise SystemExit("kernels: not compiled") from error
         for kernel, done in zip(changed, translated, strict=True):
             kernel.sources = done.sources
 

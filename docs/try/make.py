@@ -12,7 +12,6 @@ import numpy as np
 from PIL import Image
 
 import retrue
-from retrue.patterns.color_grid import make_color_grid
 from retrue.simulation.camera_model import CameraModel
 from retrue.simulation.scene import Scene, render
 from retrue.simulation.surfaces import Box, Paint, Sphere, Wall
@@ -51,7 +50,7 @@ def scene() -> Scene:
 def main() -> None:
     """Write both files."""
     rig = rig_before()
-    pattern = make_color_grid(rig.projector.size)
+    pattern = retrue.make_color_grid(rig.projector.size)
     camera = CameraModel(exposure=1.25, blur_px=0.7, vignetting=0.2, electrons=9000, read_noise=8, gamma=1.4)
     picture = render(bumped(rig), scene(), pattern.render(), camera).image
     Image.fromarray(picture).save(HERE / "wall.jpg", quality=88)

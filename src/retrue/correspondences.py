@@ -4,17 +4,42 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
-from retrue.errors import InputError
+from retrue.errors import InputError, require_kind, require_kinds
 from retrue.geometry.arrays import BoolArray, FloatArray, IntArray, finite_array, frozen_array
+from retrue.shown import ShortRepr, Shown, counted
+from retrue.values import ByValue
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class Correspondences:
+@dataclass(frozen=True, slots=True)
+class Card:
+    """What a decoder has to say of a capture, counted in what it decodes: pixels of a Gray code, blocks of a grid.
+
+    Attributes
+    ----------
+    counted : "pixels" or "blocks".
+    seen : how many the projector was seen to light, decoded : how many became points.
+    rejected : the others, by reason.
+    coverage : share of the picture.
+    advice : what to change, a sentence each.
+    details : what only this decoder measures.
+    """
+
+    counted: Literal["pixels", "blocks"]
+    seen: int
+    decoded: int
+    rejected: Mapping[str, int]
+    coverage: float
+    advice: tuple[str, ...] = ()
+    details: Mapping[str, Any] = field(default_factory=dict[str, Any])
+
+
+@dataclass(frozen=True, slots=True, eq=False, repr=False)
+class Correspondences(ByValue, ShortRepr):
     """N matched pixels, only valid ones. (0, 0) is the centre of the top-left pixel, in both devices.
 
     Attributes
@@ -27,7 +52,7 @@ class Correspondences:
     colors : (N, 3) uint8 red, green, blue of the scene, or None.
     cells : (N, 2) int, (row, column) in a grid whose neighbours are neighbours on the surface: camera
         pixels for a dense code, blocks for a colour grid. None where the points have no topology.
-    card : what the decoder has to say: counts, coverage, what was rejected and why, what to change.
+    card : what the decoder has to say; None where the points come from elsewhere.
     """
 
     camera_px: FloatArray
@@ -37,13 +62,17 @@ class Correspondences:
     confidence: FloatArray | None = None
     colors: NDArray[np.uint8] | None = None
     cells: IntArray | None = None
-    card: Mapping[str, Any] = field(default_factory=dict[str, Any])
+    card: Card | None = None
 
     def __post_init__(self) -> None:
         camera_px = finite_array(self.camera_px, (None, 2), "camera_px")
         projector_px = finite_array(self.projector_px, (None, 2), "projector_px")
         object.__setattr__(self, "camera_px", frozen_array(camera_px))
         object.__setattr__(self, "projector_px", frozen_array(projector_px))
+        for name, (dtype, row) in OPTIONAL_COLUMNS.items():
+            column = getattr(self, name)
+            if column is not None:
+                object.__setattr__(self, name, _column(column, dtype, row, name))
         for name in ("projector_px", *OPTIONAL_COLUMNS):
             column = getattr(self, name)
             if column is not None and len(column) != len(camera_px):
@@ -57,5 +86,53 @@ class Correspondences:
         columns = {name: None if (column := getattr(self, name)) is None else column[rows] for name in OPTIONAL_COLUMNS}
         return Correspondences(self.camera_px[rows], self.projector_px[rows], **columns, card=self.card)
 
+    def _shown(self) -> Shown:
+        rows = {name: _extent(getattr(self, name)) for name in ("camera_px", "projector_px") if len(self)}
+        columns = [name for name in OPTIONAL_COLUMNS if getattr(self, name) is not None]
+        if columns:
+            rows["with"] = ", ".join(columns)
+        if self.card is not None and self.card.advice:
+            rows["advice"] = "; ".join(self.card.advice)
+        return counted(len(self), "point"), rows
 
-OPTIONAL_COLUMNS = ("camera_sigma_px", "projector_sigma_px", "confidence", "colors", "cells")
+
+def _extent(pixels: FloatArray) -> str:
+    (left, top), (right, bottom) = pixels.min(axis=0), pixels.max(axis=0)
+    return f"x {round(left)} to {round(right)}, y {round(top)} to {round(bottom)}"
+
+
+def _column(value: ArrayLike, dtype: type[np.generic], row: tuple[int, ...], name: str) -> NDArray[Any]:
+    """A read-only column; an `InputError` where its rows are of another shape, or do not fit the type."""
+    array = np.asarray(value)
+    if array.ndim != 1 + len(row) or array.shape[1:] != row:
+        expected = " x ".join(map(str, ("N", *row)))
+        raise InputError(f"{name}: expected shape {expected}, found {' x '.join(map(str, array.shape)) or 'a number'}")
+    if array.dtype.kind not in "biuf":
+        raise InputError(f"{name}: expected numbers, found {'text' if array.dtype.kind in 'US' else array.dtype}")
+    with np.errstate(invalid="ignore"):
+        column = frozen_array(array, dtype)
+    if array.dtype != dtype and not np.array_equal(column, array, equal_nan=array.dtype.kind == "f"):
+        raise InputError(f"{name}: expected numbers that {np.dtype(dtype)} holds, found others as {array.dtype}")
+    return column
+
+
+def require_points(value: object) -> None:
+    """An `InputError` that says what to hand in where `value` is no `Correspondences`."""
+    require_kind(value, Correspondences, "points", READERS)
+
+
+def require_captures(values: object) -> None:
+    """An `InputError` where `values` is no list of `Correspondences`, or an empty one."""
+    require_kinds(values, Correspondences, "captures", READERS)
+    if not values:
+        raise InputError("captures: expected at least one, found none")
+
+
+READERS = "retrue.read_capture decodes pictures, retrue.read_points reads a table"
+OPTIONAL_COLUMNS: dict[str, tuple[type[np.generic], tuple[int, ...]]] = {  # what each row is
+    "camera_sigma_px": (np.float64, ()),
+    "projector_sigma_px": (np.float64, ()),
+    "confidence": (np.float64, ()),
+    "colors": (np.uint8, (3,)),
+    "cells": (np.int64, (2,)),
+}

@@ -11,7 +11,11 @@ A message is one line: what, expected, found, what to do.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from dataclasses import fields, is_dataclass
+from os import PathLike
 from pathlib import Path
+from typing import Any, cast
 
 
 class RetrueError(Exception):
@@ -37,3 +41,67 @@ class CaptureError(FileError):
 
 class DegenerateError(RetrueError):
     """The data do not determine what was asked for (three points, collinear points ...)."""
+
+
+def require_kind(value: Any, kind: type | tuple[type, ...], name: str, advice: str = "") -> None:
+    """An `InputError` where the argument `name` is something else; it says what was meant, as far as can be told.
+
+    `advice` is for somebody who hands in a path: what reads it.
+
+    >>> try:
+    ...     require_kind("rig.json", dict, "rig", "retrue.read_rig reads one")
+    ... except InputError as error:
+    ...     print(error)
+    rig: expected a dict, found the text 'rig.json'; retrue.read_rig reads one
+    """
+    if isinstance(value, kind):
+        return
+    advice = advice if isinstance(value, str | PathLike) else _within(value, kind)
+    raise InputError(f"{name}: expected {_a(_names(kind))}, found {_found(value)}{advice and '; '}{advice}")
+
+
+def require_kinds(values: Any, kind: type | tuple[type, ...], name: str, advice: str = "") -> None:
+    """The same of a list, or another sequence, all of one kind."""
+    if isinstance(values, kind):
+        raise InputError(f"{name}: expected a list of {_names(kind)}, found a single one; put it in [ ]")
+    if isinstance(values, str | PathLike) or not isinstance(values, Sequence):
+        advice = advice if isinstance(values, str | PathLike) else ""
+        raise InputError(f"{name}: expected a list of {_names(kind)}, found {_found(values)}{advice and '; '}{advice}")
+    for index, value in enumerate(cast("Sequence[Any]", values)):
+        require_kind(value, kind, f"{name}[{index}]", advice)
+
+
+def require_path(path: Any, call: str) -> Path:
+    """The path; an `InputError` where something else stands in its place in that call."""
+    if not isinstance(path, str | PathLike):
+        raise InputError(f"path: expected text or a pathlib.Path, as in {call}; found {_found(path)}")
+    return Path(cast("Any", path))
+
+
+def _names(kind: type | tuple[type, ...]) -> str:
+    return " or ".join(each.__name__ for each in (kind if isinstance(kind, tuple) else (kind,)))
+
+
+def _found(value: Any) -> str:
+    if isinstance(value, str):
+        return f"the text {value[:60]!r}"
+    if isinstance(value, PathLike):
+        return f"the path {str(cast('Any', value))[:60]!r}"
+    if isinstance(value, type):
+        return f"the class {value.__name__}"
+    return "None" if value is None else _a(type(value).__name__)
+
+
+def _a(noun: str) -> str:
+    return f"{'an' if noun[0] in 'aeiouAEIOU' or noun == 'ndarray' else 'a'} {noun}"
+
+
+def _within(value: Any, kind: type | tuple[type, ...]) -> str:
+    """Where in `value` the thing is that was meant."""
+    if is_dataclass(value) and not isinstance(value, type):
+        inside = [item.name for item in fields(value) if isinstance(getattr(value, item.name), kind)]
+        if inside:
+            return f"hand in its .{' or .'.join(inside)}"
+    if isinstance(value, list | tuple) and any(isinstance(each, kind) for each in cast("Sequence[Any]", value)):
+        return "hand in one of them"
+    return ""

@@ -6,12 +6,15 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
+from retrue.errors import require_kind
 from retrue.geometry.camera import Camera
 from retrue.geometry.transform import RigidTransform
+from retrue.shown import ShortRepr, Shown
+from retrue.values import ByValue
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class Rig:
+@dataclass(frozen=True, slots=True, eq=False, repr=False)
+class Rig(ByValue, ShortRepr):
     """Camera and projector: X_projector = R X_camera + t.
 
     Attributes
@@ -27,3 +30,21 @@ class Rig:
     projector_from_camera: RigidTransform
     unit: str = "mm"
     evidence: Mapping[str, Any] = field(default_factory=dict[str, Any])
+
+    def __post_init__(self) -> None:
+        require_kind(self.camera, Camera, "camera")
+        require_kind(self.projector, Camera, "projector")
+        require_kind(self.projector_from_camera, RigidTransform, "projector_from_camera")
+        require_kind(self.unit, str, "unit")
+
+    def _shown(self) -> Shown:
+        rows = {"camera": self.camera.shown_title, "projector": self.projector.shown_title}
+        rows["projector_from_camera"] = self.projector_from_camera.shown_title
+        if self.evidence:
+            rows["evidence"] = ", ".join(map(str, self.evidence))
+        return f"in {self.unit}", rows
+
+
+def require_rig(value: object) -> None:
+    """An `InputError` that says what to hand in where `value` is no `Rig`."""
+    require_kind(value, Rig, "rig", "retrue.read_rig reads one")

@@ -4,9 +4,11 @@ from __future__ import annotations
 
 from retrue.errors import InputError
 
-METRES = {"um": 1e-6, "mm": 1e-3, "cm": 1e-2, "m": 1.0, "in": 0.0254, "ft": 0.3048}
-METRES |= {"micrometre": 1e-6, "millimetre": 1e-3, "centimetre": 1e-2, "metre": 1.0}
-METRES |= {"micrometer": 1e-6, "millimeter": 1e-3, "centimeter": 1e-2, "meter": 1.0, "inch": 0.0254}
+UNITS = {"um": 1e-6, "mm": 1e-3, "cm": 1e-2, "m": 1.0, "in": 0.0254, "ft": 0.3048}
+"""Metres in each unit that a length is given in."""
+METRES = UNITS | {"µm": 1e-6, "micrometre": 1e-6, "millimetre": 1e-3, "centimetre": 1e-2, "metre": 1.0, "inch": 0.0254}
+METRES |= {"micrometer": 1e-6, "millimeter": 1e-3, "centimeter": 1e-2, "meter": 1.0}
+"""The same, by every name that a rig file may have for one."""
 
 
 def metres_per(unit: str) -> float:
@@ -23,3 +25,12 @@ def metres_per(unit: str) -> float:
             "set the rig's unit, or write PLY or OBJ, which are in the rig's own"
         )
     return METRES[name]
+
+
+def millimetres_per(unit: str) -> float:
+    """The same in millimetres.
+
+    >>> millimetres_per("in")
+    25.4
+    """
+    return 1000 * metres_per(unit)

@@ -87,8 +87,9 @@ def test_a_hole_in_a_surface_is_a_hole_in_its_face():
 def test_strays_are_on_no_patch():
     cloud = cloud_of(wave)
     stray = np.arange(0, len(cloud), 501)
-    cloud.points[stray] *= 1.05
-    (patch,) = make_cad(cloud).patches
+    points = cloud.points.copy()
+    points[stray] *= 1.05
+    (patch,) = make_cad(replace(cloud, points=points)).patches
     assert not np.isin(stray, patch.rows).any()
     assert patch.met
 
@@ -119,12 +120,6 @@ def test_writing_step_says_nothing_on_stdout(tmp_path, capfd):
 def test_scattered_points_have_no_surfaces():
     with pytest.raises(InputError, match="cad: expected points of a capture with a grid"):
         make_cad(replace(cloud_of(wave), cells=None))
-
-
-@pytest.mark.parametrize("tolerance", [0.0, -1.0, float("nan"), float("inf")])
-def test_a_tolerance_is_positive(tolerance):
-    with pytest.raises(InputError, match="cad_tolerance: expected a positive length"):
-        make_cad(cloud_of(wave), CadOptions(cad_tolerance=tolerance))
 
 
 def test_points_far_from_each_other_have_no_surfaces():

@@ -7,9 +7,9 @@ from typing import Any
 import numpy as np
 import pytest
 
-from retrue.calibration.bundle import moved
-from retrue.calibration.jacobians import OF_VIEW, Setup, linearise, residuals
+from retrue.calibration.jacobians import linearise, residuals
 from retrue.calibration.observations import CornerObservations, Group, PlaneObservations, SceneObservations
+from retrue.calibration.setup import OF_VIEW, Setup
 from retrue.geometry.camera import Camera
 from retrue.geometry.transform import RigidTransform
 
@@ -44,17 +44,17 @@ def test_derivatives(setup: Setup, index: int) -> None:
     np.testing.assert_allclose(residuals(setup, group), error, atol=1e-9)
     scale = np.array([1, 1, 1, 1, 1e-3, 1e-3, 1e-4, 1e-4, 1e-3] * 2 + [1e-4] * 3 + [0.1] * 3 + [1e-6] * 3) * 1e-2
     for column, step in enumerate(scale):
-        change = np.zeros(27)
+        change = np.zeros(setup.columns.shared)
         change[column] = step
         check(setup, group, change, np.zeros((2, OF_VIEW)), jacobian[:, :, column], step)
     for column, step in enumerate([1e-6] * 3 + [1e-3] * 5):
         boards = np.zeros((2, OF_VIEW))
         boards[:, column] = step
-        check(setup, group, np.zeros(27), boards, jacobian[:, :, 27 + column], step)
+        check(setup, group, np.zeros(setup.columns.shared), boards, jacobian[:, :, setup.columns.shared + column], step)
 
 
 def check(setup: Setup, group: Group, change: Any, boards: Any, expected: Any, step: float) -> None:
-    ahead, behind = moved(setup, change, boards), moved(setup, -change, -boards)
+    ahead, behind = setup.moved(change, boards), setup.moved(-change, -boards)
     assert ahead is not None
     assert behind is not None
     if isinstance(group, CornerObservations):
@@ -65,7 +65,9 @@ def check(setup: Setup, group: Group, change: Any, boards: Any, expected: Any, s
     # out on purpose; the length of the whole change does not depend on it where the residual is small.
     small = PlaneObservations(group.view, group.camera_px, on_target(setup, group), group.sigma)
     _, jacobian = linearise(setup, small)
-    column = int(np.flatnonzero(change)[0]) if change.any() else 27 + int(np.flatnonzero(boards[0])[0])
+    column = (
+        int(np.flatnonzero(change)[0]) if change.any() else setup.columns.shared + int(np.flatnonzero(boards[0])[0])
+    )
     found = (residuals(ahead, small) - residuals(behind, small)) / (2 * step)
     np.testing.assert_allclose(found, jacobian[:, :, column], rtol=1e-4, atol=1e-4 * (1 + np.abs(found).max()))
 
@@ -86,11 +88,11 @@ def test_a_scene_tells_nothing_along_its_epipolar_lines(setup: Setup) -> None:
     error, jacobian = linearise(setup, scene)
     np.testing.assert_allclose(error, 0, atol=1e-8)
     assert not jacobian[:, 0].any()
-    assert not jacobian[:, :, 24:-2].any()  # the board does not matter
+    assert not jacobian[:, :, setup.columns.board].any()  # the board does not matter
     for column, step in ((0, 1e-2), (11, 1e-2), (4, 1e-5), (13, 1e-5), (18, 1e-6), (22, 1e-3)):
-        change = np.zeros(27)
+        change = np.zeros(setup.columns.shared)
         change[column] = step
-        ahead, behind = moved(setup, change, np.zeros((2, OF_VIEW))), moved(setup, -change, np.zeros((2, OF_VIEW)))
+        ahead, behind = setup.moved(change, np.zeros((2, OF_VIEW))), setup.moved(-change, np.zeros((2, OF_VIEW)))
         assert ahead is not None
         assert behind is not None
         found = (residuals(ahead, scene) - residuals(behind, scene)) / (2 * step)

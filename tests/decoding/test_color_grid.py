@@ -191,11 +191,11 @@ def test_every_point_comes_with_its_columns():
     assert ((points.confidence >= 0) & (points.confidence <= 1)).all()
     assert len(np.unique(row * 1000 + column)) == len(points)
     card = points.card
-    assert card["decoded"] == len(points)
-    assert card["blocks_seen"] == len(points) + sum(card["rejected"].values())
-    assert 0.1 < card["coverage"] < 1.0
-    assert 6 < card["block_px"] < 12
-    assert card["advice"] == ""
+    assert card.decoded == len(points)
+    assert card.seen == len(points) + sum(card.rejected.values())
+    assert 0.1 < card.coverage < 1.0
+    assert 6 < card.details["block_px"] < 12
+    assert card.advice == ()
 
 
 @pytest.fixture(scope="module")
@@ -228,14 +228,14 @@ def noise(shape: tuple[int, ...]) -> np.ndarray:
 def test_anything_else_gives_nothing_and_says_why(plain, spoil, advice):
     points = decode_color_grid(GRID, np.ascontiguousarray(spoil(plain)))
     assert len(points) == 0
-    assert advice in points.card["advice"]
+    assert advice in "".join(points.card.advice)
 
 
 def test_another_grid_gives_nothing(plain):
     for seed in (5, 6):
         points = decode_color_grid(make_color_grid((640, 480), 20, 26, seed=seed), plain)
         assert len(points) == 0
-        assert "not this pattern" in points.card["advice"]
+        assert "not this pattern" in "".join(points.card.advice)
 
 
 @pytest.mark.parametrize(

@@ -127,8 +127,8 @@ def test_sixteen_bit_and_colour(plain_shot, pictures):
 def test_card_counts_every_lit_pixel_once(plain_shot):
     points = decode(PATTERN, plain_shot.pictures)
     card = points.card
-    assert card["points"] == len(points)
-    assert card["lit"] == card["points"] + sum(card["rejected"].values())
+    assert card.decoded == len(points)
+    assert card.seen == card.decoded + sum(card.rejected.values())
 
 
 def test_unlit_half_is_left_out(shooting):

@@ -4,10 +4,10 @@ import numpy as np
 import pytest
 
 from retrue.decoding.blocks.blobs import find_blocks
-from retrue.decoding.blocks.nearest import nearest_of_all
-from retrue.decoding.blocks.noise import noise_of
-from retrue.decoding.blocks.patches import look_at
-from retrue.decoding.blocks.surface import Joints
+from retrue.decoding.blocks.centres import noise_of
+from retrue.decoding.blocks.growth import look_at
+from retrue.decoding.blocks.links import nearest_of_all
+from retrue.decoding.blocks.surface import Joints, median
 
 PITCH, DUTY = 20.0, 0.6
 U, V = np.array([[PITCH, 0.0]]), np.array([[0.0, PITCH]])
@@ -92,6 +92,12 @@ def test_a_missing_block_has_no_sigma_and_spoils_none():
     sigma = noise_of(position, joined(30, 40))
     assert np.isnan(sigma).sum() == 1
     assert np.isnan(sigma[5, 5])
+
+
+@pytest.mark.parametrize("count", [1, 2, 7, 8])
+def test_the_median_is_that_of_numpy(count: int) -> None:
+    values = np.random.default_rng(count).normal(size=count)
+    assert median(values) == np.median(values)
 
 
 @pytest.mark.parametrize("spread", [(1.0, 1.0), (300.0, 0.01), (1.0, 0.0)])

@@ -7,7 +7,7 @@ import shlex
 from contextlib import ExitStack
 from unittest.mock import patch
 
-from retrue.cli.commands import COMMANDS
+from retrue.cli.commands import EXAMPLES, command_kind
 from retrue.cli.main import main
 
 
@@ -20,8 +20,8 @@ def parses(synopsis: str) -> bool:
     call = re.split(r"\s[|>&]", re.sub(r"[\[\]]", "", synopsis))[0]
     words = [word.partition("|")[0] for word in shlex.split(call, comments=True)[1:]]
     with ExitStack() as stack:
-        for command in COMMANDS.values():
-            stack.enter_context(patch.object(command, "run", side_effect=Parsed))
+        for name in EXAMPLES:
+            stack.enter_context(patch.object(command_kind(name), "run", side_effect=Parsed))
         try:
             main(words)
         except Parsed:

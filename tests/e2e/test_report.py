@@ -2,11 +2,18 @@
 
 import re
 import shutil
+from collections import Counter
 from html import unescape
 from pathlib import Path
 
+import cv2
 import numpy as np
 import pytest
+
+from retrue import Camera, Rig, RigidTransform, write_pattern, write_rig
+from retrue.files import images
+from retrue.files.atomic import read_bytes
+from retrue.patterns.gray_code import GrayCode
 
 from .conftest import names
 
@@ -55,6 +62,29 @@ def test_verify(retrue, files, page, rig, verdict):
     run = retrue("verify", getattr(files, rig), files.points, "--report", page, "--json")
     assert run.json["verdict"] == verdict.lower()
     assert f"retrue verify {verdict} The capture supports" in words(page)
+
+
+def test_each_picture_is_read_once(retrue, page, tmp_path, monkeypatch):
+    pattern, folder = GrayCode((80, 60)), tmp_path / "capture"
+    folder.mkdir()
+    for index, picture in enumerate(pattern.render()):
+        seen = cv2.resize(picture, (240, 180), interpolation=cv2.INTER_NEAREST) // 2 + 20
+        cv2.imwrite(str(folder / f"{index:02d}.png"), seen)
+    write_pattern(tmp_path / "pattern.json", pattern)
+    camera = Camera((240, 180), [[300, 0, 119.5], [0, 300, 89.5], [0, 0, 1]])
+    projector = Camera((80, 60), [[100, 0, 39.5], [0, 100, 29.5], [0, 0, 1]])
+    write_rig(tmp_path / "rig.json", Rig(camera, projector, RigidTransform(np.eye(3), [-200.0, 0.0, 0.0]), unit="mm"))
+    read = Counter()
+
+    def counted(path, limit):
+        read[path.name] += 1
+        return read_bytes(path, limit)
+
+    monkeypatch.setattr(images, "read_bytes", counted)
+    run = retrue("verify", tmp_path / "rig.json", folder, "--pattern", tmp_path / "pattern.json", "--report", page)
+    assert "page.html: report written" in run.out
+    assert "correspondences in capture" in words(page)
+    assert read == {path.name: 1 for path in folder.iterdir()}
 
 
 def test_reconstruct(retrue, files, page):

@@ -7,7 +7,8 @@ import numpy as np
 import pytest
 
 from retrue.errors import CaptureError, FileError
-from retrue.files.captures import read_capture
+from retrue.files import images
+from retrue.files.captures import load_capture, read_capture
 from retrue.patterns.color_grid import ColorGrid
 from retrue.patterns.gray_code import GrayCode
 
@@ -29,6 +30,23 @@ def test_folder_of_a_gray_code(folder):
     assert len(points) > 0.8 * 120 * 90
     assert np.abs(points.projector_px - (points.camera_px - 1) / 3).max() < 0.05
     assert points.colors[0].tolist() == [73, 147, 147]
+
+
+def test_a_capture_keeps_the_scene_in_white_light_where_it_is_asked_to(folder):
+    kept, left = load_capture(folder, PATTERN), load_capture(folder, PATTERN, keep_photograph=False)
+    white = images.read_image(sorted(folder.iterdir(), key=lambda path: images.natural_key(path.name))[-2])
+    np.testing.assert_array_equal(kept.photograph, white)
+    assert left.photograph is None
+    assert (kept.name, kept.path, kept.size) == (folder.name, folder, (120, 90))
+    assert left.size == kept.size
+    assert kept.card.seen == kept.card.decoded + sum(kept.card.rejected.values())
+    np.testing.assert_array_equal(left.points.camera_px, kept.points.camera_px)
+
+
+def test_a_table_has_no_photograph(tmp_path):
+    (tmp_path / "points.csv").write_text("camera_x,camera_y,projector_x,projector_y\n1,2,3,4\n")
+    capture = load_capture(tmp_path / "points.csv")
+    assert (len(capture.points), capture.photograph, capture.size, capture.card) == (1, None, None, None)
 
 
 def test_faults_name_the_folder_and_the_picture(folder):

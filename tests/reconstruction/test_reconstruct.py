@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 
 from retrue.correspondences import Correspondences
-from retrue.errors import DegenerateError, InputError
+from retrue.errors import DegenerateError
 from retrue.geometry.transform import RigidTransform
 from retrue.reconstruction.options import ReconstructOptions
 from retrue.reconstruction.reconstruct import epipolar_residuals, reconstruct
@@ -73,12 +73,6 @@ def test_nothing_in_front_is_an_error(count):
     points = correspondences(scene(step=30)[0]).select(np.arange(count))
     with pytest.raises(DegenerateError, match=f"none of {count} points"):
         reconstruct(backwards, points)
-
-
-@pytest.mark.parametrize("sigmas", [0.0, -1.0, float("nan")])
-def test_outlier_sigmas_must_be_positive(sigmas):
-    with pytest.raises(InputError, match="outlier_sigmas"):
-        reconstruct(RIG, correspondences(scene(step=30)[0]), ReconstructOptions(outlier_sigmas=sigmas))
 
 
 def test_epipolar_residuals_are_in_pixels():

@@ -11,6 +11,9 @@ from retrue import Rig, RigidTransform
 from retrue.calibration.board import parse_board
 from retrue.calibration.calibrate import calibrate_views
 from retrue.calibration.observations import View
+from retrue.calibration.options import CalibrationOptions
+from retrue.calibration.result import Calibrated, RefusedCalibration
+from retrue.capture import Capture
 from retrue.recalibration.recalibrate import recalibrate
 from retrue.recalibration.verify import verify
 from retrue.reconstruction.reconstruct import reconstruct
@@ -18,7 +21,6 @@ from retrue.report.calibration_page import calibration_page
 from retrue.report.page import Page, Provenance, page_html
 from retrue.report.recalibration_page import recalibration_page
 from retrue.report.reconstruction_page import reconstruction_page
-from retrue.report.seen import SeenCapture
 from retrue.report.verification_page import verification_page
 from tests.recalibration.scenes import CAMERA, PROJECTOR, RIG, SPHERE, WALL, Scene, capture
 
@@ -31,9 +33,9 @@ def photograph() -> np.ndarray:
     return np.broadcast_to(np.linspace(30, 200, 1280).astype(np.uint8), (960, 1280)).copy()
 
 
-def seen(scene: Scene | None = None, name: str = "scene.png") -> SeenCapture:
+def seen(scene: Scene | None = None, name: str = "scene.png") -> Capture:
     """A wall with a ball before it."""
-    return SeenCapture(name, capture(scene or Scene((WALL,), (SPHERE,))), photograph())
+    return Capture(name, capture(scene or Scene((WALL,), (SPHERE,))), photograph())
 
 
 def moved(rig: Rig, degrees: float) -> Rig:
@@ -50,7 +52,7 @@ def accepted(name: str = "scene.png", unit: str = "m", out: str = "new.json") ->
 
 def refused() -> Page:
     """A patch of a wall alone, and a rig file that could come from either of the two poses."""
-    wall = SeenCapture("patch.png", capture(Scene((WALL,)), area=(0.4, 0.6, 0.4, 0.6)), photograph())
+    wall = Capture("patch.png", capture(Scene((WALL,)), area=(0.4, 0.6, 0.4, 0.6)), photograph())
     turned = RigidTransform.from_rotation_vector([0, 0, 0.7], np.zeros(3)).R @ RIG.projector_from_camera.t
     before = replace(RIG, projector_from_camera=RigidTransform(RIG.projector_from_camera.R, turned))
     return recalibration_page(before, [wall], recalibrate(before, [wall.points]))
@@ -58,7 +60,7 @@ def refused() -> Page:
 
 def hardly_anything() -> Page:
     """Five points, and no photograph."""
-    few = SeenCapture("few.csv", capture(Scene()).select(np.arange(5)))
+    few = Capture("few.csv", capture(Scene()).select(np.arange(5)))
     return recalibration_page(RIG, [few], recalibrate(RIG, [few.points]))
 
 
@@ -76,12 +78,12 @@ def drifted() -> Page:
 def reconstructed() -> Page:
     """A cloud without colors of its own."""
     points = replace(seen().points, colors=None)
-    capture = SeenCapture("scene.csv", points)
+    capture = Capture("scene.csv", points)
     return reconstruction_page(RIG, capture, reconstruct(RIG, points), faces=7)
 
 
-def calibrated(views: int = 5) -> Page:
-    """A board held at some poses, each tilted another way; with one, it is refused."""
+def calibration(views: int = 5, options: CalibrationOptions | None = None) -> Calibrated | RefusedCalibration:
+    """Of a board held at some poses, each tilted another way; with one, it is refused."""
     board = parse_board("chessboard:7x9:20mm")
     rig = replace(RIG, projector_from_camera=replace(RIG.projector_from_camera, t=1000 * RIG.projector_from_camera.t))
     noise = np.random.default_rng(0)
@@ -93,8 +95,12 @@ def calibrated(views: int = 5) -> Page:
         pixels = rig.camera.project(X), rig.projector.project(rig.projector_from_camera.apply(X))
         pixels = tuple(each + noise.normal(scale=0.1, size=each.shape) for each in pixels)
         held.append(View(f"capture_{k}", board.points, pixels, (np.ones(len(X)), np.ones(len(X)))))
-    result = calibrate_views(held, board, (CAMERA.size, PROJECTOR.size))
-    return calibration_page(result, SIZES, board.unit, out="rig.json")
+    return calibrate_views(held, board, (CAMERA.size, PROJECTOR.size), options)
+
+
+def calibrated(views: int = 5, options: CalibrationOptions | None = None) -> Page:
+    """The page of it."""
+    return calibration_page(calibration(views, options), SIZES, "mm", out="rig.json")
 
 
 PAGES: dict[str, Callable[[], Page]] = {
@@ -106,6 +112,7 @@ PAGES: dict[str, Callable[[], Page]] = {
     "reconstructed": reconstructed,
     "calibrated": calibrated,
     "calibration_refused": lambda: calibrated(1),
+    "calibration_too_uncertain": lambda: calibrated(5, CalibrationOptions(largest_error=1e-6)),
 }
 
 

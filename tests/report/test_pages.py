@@ -14,7 +14,7 @@ import pytest
 from retrue.report.figures import embedded_picture, numbers, polyline
 from retrue.report.lengths import shown_unit
 from retrue.report.page import Chart, Page, Table, Tabs
-from retrue.report.residual_charts import round_factor
+from retrue.report.residual_section import round_factor
 
 from .pages import PAGES, PROVENANCE, accepted, html
 

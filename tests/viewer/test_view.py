@@ -95,7 +95,7 @@ def test_everything_is_in_metres_and_in_the_camera_frame(files):
 
 
 def test_large_clouds_are_thinned_and_that_is_said(tmp_path, monkeypatch):
-    monkeypatch.setattr(scene_file, "MOST_POINTS", 150)
+    monkeypatch.setattr(scene_file, "MOST_SHOWN", 150)
     write_cloud(tmp_path / "cloud.ply", plate(400))
     scene = make_scene(read_contents([tmp_path / "cloud.ply"]))
     assert len(scene.shapes[0].points) == 134

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from retrue.errors import FileError
-from retrue.files.png import write_png
+from retrue.files.images import write_png
 from retrue.files.video import read_video
 from retrue.watch.folder import FolderSource
 from retrue.watch.frame_queue import FrameQueue

@@ -9,21 +9,18 @@ import numpy as np
 from retrue.cad.model import CadModel, Outline, Patch
 from retrue.cad.options import CadOptions
 from retrue.cad.outlines import region_outlines, signed_area
-from retrue.cad.segmentation import Region, smooth_regions
+from retrue.cad.segmentation import Region, ThinGrid, smooth_regions, thin_grid
 from retrue.cad.spline import SplineSurface, fit_spline
 from retrue.cad.surfaces import PlaneSurface, SphereSurface, Surface, fit_plane, fit_sphere
-from retrue.cad.thinning import ThinGrid, thin_grid
-from retrue.errors import DegenerateError, InputError
+from retrue.errors import DegenerateError, InputError, require_kind
 from retrue.geometry.arrays import FloatArray, IntArray
-from retrue.reconstruction.cloud import Cloud
-from retrue.reconstruction.depth_jumps import SPACING_FRACTION
+from retrue.reconstruction.cloud import Cloud, require_cloud
 from retrue.reconstruction.resolution import resolution
-from retrue.reconstruction.surface_grid import surface_grid
+from retrue.reconstruction.surface_grid import NOISE_SIGMAS, SPACING_FRACTION, surface_grid
 
-NOISE_SIGMAS = 6.0
-FINEST = 1e-6  # of the depth
-MOST = 0.95  # of a region's points, which a surface must hold within their limit: the others are strays,
-NEARLY_ALL = 0.998  # and which is enough of them, however much finer knots could be
+FINEST_LIMIT = 1e-6  # of the depth
+HELD_SHARE = 0.95  # of a region's points, which a surface must hold within their limit: the others are strays,
+ENOUGH_HELD = 0.998  # and which is enough of them, however much finer knots could be
 MOST_LEVELS = 10  # of splines, each with twice the intervals of the one before
 POINTS_PER_KNOT = 2  # at least, along each side of the region, in the thin grid
 MOST_FITTED = 40_000  # points that a surface is fitted to; the errors are those of all
@@ -37,15 +34,15 @@ def make_cad(cloud: Cloud, options: CadOptions | None = None) -> CadModel:
 
     Raises
     ------
-    InputError : the points have no grid, or the tolerance is not positive.
+    InputError : the points have no grid.
     DegenerateError : the noise cannot be told and no tolerance is given, or there is no smooth region.
     """
+    require_cloud(cloud)
     options = options or CadOptions()
+    require_kind(options, CadOptions, "options")
     wanted = options.cad_tolerance
     if cloud.cells is None:
         raise InputError("cad: expected points of a capture with a grid, found scattered ones; decode a picture")
-    if wanted is not None and not (0 < wanted < np.inf):
-        raise InputError(f"cad_tolerance: expected a positive length, found {wanted}")
     noise_w = resolution(cloud.points, surface_grid(cloud.points, cloud.cells)).noise_w
     if wanted is None and not noise_w >= 0:
         raise DegenerateError("cad: too few neighbours to tell the noise of the points; give --cad-tolerance")
@@ -62,7 +59,7 @@ def make_cad(cloud: Cloud, options: CadOptions | None = None) -> CadModel:
 
 def _noise_limit(noise_w: float, depth: FloatArray) -> FloatArray:
     """Six sigma of depth Z (N,), whose noise is Z^2 times that of w = 1 / Z; and no less than rounding."""
-    return np.maximum(NOISE_SIGMAS * noise_w * depth**2, FINEST * depth)
+    return np.maximum(NOISE_SIGMAS * noise_w * depth**2, FINEST_LIMIT * depth)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -79,11 +76,11 @@ def _patch(fitting: _Fitting, thin: ThinGrid, region: Region) -> Patch | None:
     rows = _rows_of(fitting, thin, region.rows)
     points, limit = fitting.points[rows], fitting.limit[rows]
     surface = None if region.surface is None else _refitted(region.surface, points, limit)
-    if surface is None or not _held(surface, points, limit) >= MOST:
+    if surface is None or not _held(surface, points, limit) >= HELD_SHARE:
         surface = _fitted_spline(points, limit, _most_intervals(thin, region.rows))
     distance = np.abs(surface.distances(points))
     on_it = distance <= limit
-    if on_it.mean() < MOST:
+    if on_it.mean() < HELD_SHARE:
         on_it[:] = True
     outlines = _outlines(surface, thin, region.rows)
     if not outlines:
@@ -134,11 +131,11 @@ def _fitted_spline(points: FloatArray, limit: FloatArray, most: IntArray) -> Spl
         intervals = np.minimum(2**level, most)
         surface = _robust_spline(points, limit, (int(intervals[0]), int(intervals[1])))
         lost_now = 1 - _held(surface, points, limit)
-        if best is not None and lost <= 1 - MOST and lost_now > lost / 2:
+        if best is not None and lost <= 1 - HELD_SHARE and lost_now > lost / 2:
             break
         if best is None or lost_now < lost:
             best, lost = surface, lost_now
-        if lost_now <= 1 - NEARLY_ALL or (2**level >= most).all():
+        if lost_now <= 1 - ENOUGH_HELD or (2**level >= most).all():
             break
     assert best is not None
     return best

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from retrue.geometry.arrays import BoolArray, FloatArray, IntArray
-from retrue.reconstruction.grid_faces import grid_faces
+from retrue.reconstruction.mesh import grid_faces
 from retrue.reconstruction.pieces import linked_pieces
 from retrue.reconstruction.surface_grid import SurfaceGrid
 

@@ -15,6 +15,7 @@ import numpy as np
 
 from retrue.cad.surfaces import Kind
 from retrue.geometry.arrays import FloatArray
+from retrue.values import ByValue
 
 DEGREE = 3
 STIFFNESS = 1e-7  # of the penalty on second differences, per point: enough to carry on where there are none
@@ -22,7 +23,7 @@ FARTHEST_OUT = 4.0  # coefficients are kept within this factor of the points' ow
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class SplineSurface:
+class SplineSurface(ByValue):
     """w(x, y) = sum c_ij B_i(x) B_j(y); (u, v) are the ray (x, y) itself.
 
     Attributes

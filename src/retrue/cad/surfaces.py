@@ -9,6 +9,7 @@ import numpy as np
 
 from retrue.geometry.arrays import FloatArray
 from retrue.geometry.transform import skew
+from retrue.values import ByValue
 
 Kind = Literal["plane", "sphere", "b-spline"]
 
@@ -29,7 +30,7 @@ class Surface(Protocol):
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class PlaneSurface:
+class PlaneSurface(ByValue):
     """normal . X = distance; (u, v) are lengths along two axes from the point nearest to the camera.
 
     Attributes
@@ -70,7 +71,7 @@ class PlaneSurface:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class SphereSurface:
+class SphereSurface(ByValue):
     """|X - centre| = radius, seen from outside or from inside; (u, v) are longitude and latitude in radians.
 
     The x axis of the sphere points away from what the camera sees of it, so that u is about pi there, and v about 0:

@@ -10,6 +10,7 @@ import numpy as np
 
 from retrue.errors import InputError
 from retrue.geometry.arrays import FloatArray
+from retrue.units import UNITS
 
 BoardKind = Literal["chessboard", "charuco", "circles", "asymmetric-circles"]
 
@@ -17,7 +18,6 @@ HOW = (
     "chessboard:COLUMNSxROWS:SQUARE (inner corners), circles:..., asymmetric-circles:..., "
     "or charuco:COLUMNSxROWS:SQUARE:MARKER:DICTIONARY (squares), such as chessboard:7x9:75mm"
 )
-UNITS = ("mm", "cm", "m", "in", "um")
 
 
 @dataclass(frozen=True, slots=True)

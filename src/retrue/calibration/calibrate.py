@@ -15,15 +15,14 @@ from retrue.calibration.board import Board
 from retrue.calibration.bundle import Adjusted, adjust
 from retrue.calibration.closed_form import first_camera, with_second
 from retrue.calibration.evidence import gather_evidence, rms_px
-from retrue.calibration.fitted_views import fitted_views
-from retrue.calibration.jacobians import Setup
 from retrue.calibration.model_terms import Choice, choose_terms, fit_with_lens, with_honest_covariance
 from retrue.calibration.observations import CornerObservations, View, corner_group, observation_groups
 from retrue.calibration.options import CalibrationOptions
-from retrue.calibration.result import Calibrated, RefusedCalibration
+from retrue.calibration.result import Calibrated, RefusedCalibration, fitted_views
+from retrue.calibration.setup import Setup
 from retrue.calibration.uncertainty import normal_spread_deg, predicted_error
-from retrue.calibration.views import Capture, LeftOut, Progress, StereoCapture, picture_size, see_views
-from retrue.errors import DegenerateError, InputError
+from retrue.calibration.views import BoardCapture, Capture, LeftOut, Progress, StereoCapture, picture_size, see_views
+from retrue.errors import DegenerateError, InputError, require_kind, require_kinds
 from retrue.geometry.arrays import FloatArray, IntArray
 from retrue.geometry.camera import Camera
 from retrue.rig import Rig
@@ -69,6 +68,9 @@ def calibrate(
     InputError
         captures of mixed picture sizes, no capture at all, known intrinsics of another picture size.
     """
+    require_kinds(captures, (BoardCapture, StereoCapture), "captures", "retrue.read_board_capture reads one")
+    require_kind(board, Board, "board", "retrue.parse_board makes one of such a text")
+    require_kind(options or CalibrationOptions(), CalibrationOptions, "options")
     sizes = _sizes(captures, projector_size, (camera, projector))
     views, left_out = see_views(captures, board, progress)
     progress(f"fitting {len(views)} views")
@@ -124,9 +126,10 @@ def _solve(
 def start(views: list[View], sizes: Sizes, known: Known) -> Setup:
     """Closed form for the camera, refined by itself, then closed form for the second device."""
     setup = first_camera(views, sizes[0], known[0])
-    for columns in ([0, 1, 4], [0, 1, 2, 3, 4]):  # the principal point last: without k1, a lens drives it away
-        active = np.zeros(setup.globals, dtype=bool)
-        active[columns] = known[0] is None
+    # The principal point last: without k1, a lens drives it away.
+    for free in (("fx", "fy", "k1"), ("fx", "fy", "cx", "cy", "k1")):
+        active = np.zeros(setup.columns.shared, dtype=bool)
+        active[[setup.columns.intrinsic(0, name) for name in free]] = known[0] is None
         setup = adjust(setup, (corner_group(views, 0),), active).setup
     return with_second(setup, views, sizes[1], known[1])
 

@@ -6,24 +6,21 @@ For a plane with homography H = K [r1 r2 t] and w = K^-T K^-1: h1' w h2 = 0 and 
 from __future__ import annotations
 
 from collections.abc import Iterator
-from typing import Any, cast
 
-import cv2 as opencv
 import numpy as np
 
-from retrue.calibration.jacobians import Setup, residuals
+from retrue.calibration.jacobians import residuals
 from retrue.calibration.observations import View, corner_group
+from retrue.calibration.setup import Setup
 from retrue.errors import DegenerateError, InputError
 from retrue.geometry.arrays import FloatArray
 from retrue.geometry.camera import Camera
+from retrue.geometry.homography import fit_homography
 from retrue.geometry.transform import RigidTransform, nearest_rotation
-
-cv2 = cast(Any, opencv)  # its stubs leave out half of what is used here
 
 Size = tuple[int, int]
 FARTHEST_AXIS = 1.0
 """Of the picture's size: few poses suggest principal points anywhere, and a fit does not come back from there."""
-IDENTITY = RigidTransform(np.eye(3), np.zeros(3))
 
 
 def first_camera(views: list[View], size: Size, known: Camera | None) -> Setup:
@@ -31,7 +28,7 @@ def first_camera(views: list[View], size: Size, known: Camera | None) -> Setup:
     homographies = [board_homography(view, 0) for view in views]
     candidates = [known] if known else _cameras(homographies, size)
     setups = [
-        Setup.started((camera,), IDENTITY, poses)
+        Setup.started((camera,), RigidTransform.identity(), poses)
         for camera in candidates
         if (poses := _poses(camera, homographies)) is not None
     ]
@@ -63,10 +60,10 @@ def board_homography(view: View, device: int) -> FloatArray:
     seen = view.seen(device)
     if len(seen) < 4:
         raise DegenerateError(f"{view.name}: expected at least four corners, found {len(seen)}")
-    homography, _ = cv2.findHomography(view.board_xy[seen], view.pixels[device][seen])
-    if homography is None or not abs(np.linalg.det(homography)) > 0:
-        raise DegenerateError(f"{view.name}: the board's corners lie on a line")
-    return homography
+    try:
+        return fit_homography(view.board_xy[seen], view.pixels[device][seen], source_sigma=0.0)
+    except DegenerateError as error:
+        raise DegenerateError(f"{view.name}: the board's corners lie on a line") from error
 
 
 def _cameras(homographies: list[FloatArray], size: Size) -> list[Camera]:

@@ -4,23 +4,30 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any, cast
+from typing import Any
 
-import cv2 as opencv
 import numpy as np
 
 from retrue.calibration.board import Board
-from retrue.errors import InputError
+from retrue.errors import DegenerateError, InputError
 from retrue.geometry.arrays import FloatArray, Image
-
-cv2 = cast(Any, opencv)  # its stubs leave out half of what is used here
+from retrue.geometry.homography import apply_homography, fit_homography
+from retrue.shown import ShortRepr, Shown, counted
+from retrue.values import ByValue
 
 LARGE_PICTURE = 1000  # pixels: a board in it is also found in half of them
 SMALLEST_PART = 12  # corners of a chessboard that is only partly seen: fewer are as likely clutter
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class BoardCorners:
+def opencv() -> Any:
+    """Loaded when the first picture is looked at; its stubs leave out half of what is used here."""
+    import cv2
+
+    return cv2
+
+
+@dataclass(frozen=True, slots=True, eq=False, repr=False)
+class BoardCorners(ByValue, ShortRepr):
     """Corners of one picture.
 
     Attributes
@@ -34,6 +41,12 @@ class BoardCorners:
     board_xy: FloatArray
     pixels: FloatArray
     complete: bool
+
+    def _shown(self) -> Shown:
+        return (
+            f"{counted(len(self.pixels), 'corner')}, {'the whole board' if self.complete else 'a part of the board'}",
+            {},
+        )
 
 
 class BoardNotFound(InputError):
@@ -64,6 +77,7 @@ def _find_chessboard(grey: Image, board: Board) -> BoardCorners | None:
 
 def _whole_grid(grey: Image, size: tuple[int, int]) -> FloatArray | None:
     """The corners of the whole chessboard, to a pixel or so; of a large picture, in half its size if that will do."""
+    cv2 = opencv()
     flags = cv2.CALIB_CB_ADAPTIVE_THRESH | cv2.CALIB_CB_NORMALIZE_IMAGE | cv2.CALIB_CB_FAST_CHECK
     if max(grey.shape) >= LARGE_PICTURE:
         half = cv2.resize(grey, None, fx=0.5, fy=0.5, interpolation=cv2.INTER_AREA)
@@ -77,6 +91,7 @@ def _whole_grid(grey: Image, size: tuple[int, int]) -> FloatArray | None:
 
 
 def _find_charuco(grey: Image, board: Board) -> BoardCorners | None:
+    cv2 = opencv()
     identifier = getattr(cv2.aruco, board.dictionary, None)
     if not isinstance(identifier, int):
         raise InputError(f"board: expected a dictionary of OpenCV such as DICT_4X4_50, found {board.dictionary!r}")
@@ -91,6 +106,7 @@ def _find_charuco(grey: Image, board: Board) -> BoardCorners | None:
 
 
 def _find_circles(grey: Image, board: Board) -> BoardCorners | None:
+    cv2 = opencv()
     symmetric = board.kind == "circles"
     grid = cv2.CALIB_CB_SYMMETRIC_GRID if symmetric else cv2.CALIB_CB_ASYMMETRIC_GRID
     for flags in (grid, grid | cv2.CALIB_CB_CLUSTERING):
@@ -110,6 +126,7 @@ _FINDERS: dict[str, Callable[[Image, Board], BoardCorners | None]] = {
 
 def _refined(grey: Image, pixels: FloatArray) -> FloatArray:
     """Saddle points to sub-pixel, in a window that stays within the squares around each corner."""
+    cv2 = opencv()
     apart = np.linalg.norm(pixels[:, None] - pixels[None], axis=2)
     np.fill_diagonal(apart, np.inf)
     half = int(np.clip(0.35 * apart.min(), 2, 11))
@@ -120,6 +137,7 @@ def _refined(grey: Image, pixels: FloatArray) -> FloatArray:
 
 def _visible_grid(grey: Image) -> tuple[FloatArray, tuple[int, int]] | None:
     """Whatever chessboard grid is visible: its corners, columns and rows."""
+    cv2 = opencv()
     flags = cv2.CALIB_CB_LARGER | cv2.CALIB_CB_EXHAUSTIVE | cv2.CALIB_CB_NORMALIZE_IMAGE
     found, corners, kinds = cv2.findChessboardCornersSBWithMeta(grey, (3, 3), flags)
     if not found:
@@ -135,10 +153,11 @@ def _fits(grid: tuple[int, int], size: tuple[int, int]) -> bool:
 
 def _is_flat(board_xy: FloatArray, pixels: FloatArray) -> bool:
     """Whether a homography explains the corners: clutter that looks like a chessboard does not."""
-    homography, _ = cv2.findHomography(board_xy, pixels)
-    if homography is None:
+    try:
+        homography = fit_homography(board_xy, pixels, source_sigma=0.0)
+    except DegenerateError:
         return False
-    mapped = cv2.perspectiveTransform(board_xy.reshape(-1, 1, 2), homography).reshape(-1, 2)
+    mapped = apply_homography(homography, board_xy)
     step = np.linalg.norm(np.diff(pixels, axis=0), axis=1).min()
     return bool(np.abs(mapped - pixels).max() < 0.1 * step)
 
@@ -157,6 +176,7 @@ def _why_not(grey: Image, board: Board) -> str:
 
 
 def _grey(image: Image) -> Image:
+    cv2 = opencv()
     grey = image if image.ndim == 2 else cv2.cvtColor(image, cv2.COLOR_RGB2GRAY)
     return grey if grey.dtype == np.uint8 else (grey // 257).astype(np.uint8)
 

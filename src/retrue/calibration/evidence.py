@@ -16,7 +16,7 @@ from retrue.calibration.views import LeftOut
 from retrue.geometry.arrays import FloatArray
 
 DEVICES = ("camera", "projector")
-ROWS, COLUMNS = ("top", "middle", "bottom"), ("left", "centre", "right")
+ROW_NAMES, COLUMN_NAMES = ("top", "middle", "bottom"), ("left", "centre", "right")
 
 
 def rms_px(fit: Adjusted, views: list[View]) -> dict[str, float]:
@@ -131,7 +131,7 @@ def _coverage(fit: Adjusted, views: list[View], device: int) -> dict[str, Any]:
     place = np.clip((_pixels(views, device) + 0.5) / size, 0, 1 - 1e-9)
     fine = len(np.unique((place * [8, 6]).astype(int) @ [1, 8]))
     seen = set(((place * 3).astype(int) @ [1, 3]).tolist())
-    empty = [f"{ROWS[cell // 3]} {COLUMNS[cell % 3]}" for cell in range(9) if cell not in seen]
+    empty = [f"{ROW_NAMES[cell // 3]} {COLUMN_NAMES[cell % 3]}" for cell in range(9) if cell not in seen]
     return {"share": fine / 48, "empty": empty}
 
 

@@ -1,71 +1,21 @@
-"""Residuals of a calibration and their derivatives, in closed form.
-
-Columns: nine intrinsics a device (`INTRINSICS`), then six of the pose of the second device, then three of the
-board's bend; then, of the view, six of the board's pose and two of the shift of the second device's picture. A pose
-changes by R <- exp([w]x) R, t <- t + v; its six are (w, v). The board is a shallow paraboloid
-z = bend . (x^2, x y, y^2): printed boards bow by some tenths of a millimetre, which a tilted view shows as tenths of
-a pixel. In each capture the second device's picture may be shifted by hundredths of a pixel, all of it alike.
-"""
+"""Residuals of a calibration and their derivatives by its `Columns`, in closed form."""
 
 from __future__ import annotations
-
-from dataclasses import dataclass, replace
 
 import numpy as np
 
 from retrue.calibration.observations import CornerObservations, Group, PlaneObservations, SceneObservations
+from retrue.calibration.setup import BEND, INTRINSICS, POSE, Setup
 from retrue.geometry.arrays import FloatArray, IntArray
 from retrue.geometry.camera import Camera
-from retrue.geometry.transform import RigidTransform
+from retrue.geometry.triangulation import depths_on_rays
 
-INTRINSICS = ("fx", "fy", "cx", "cy", "k1", "k2", "p1", "p2", "k3")
-BEND = ("xx", "xy", "yy")
-OF_VIEW = 8
-"""Columns of a view of its own."""
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class Setup:
-    """Everything that calibration estimates.
-
-    Attributes
-    ----------
-    devices : the camera, and the projector or second camera if there is one.
-    second_from_first : pose of the second device.
-    first_from_board : of each view.
-    bend : (3,) of the board, the same in all views; one over its unit of length.
-    shifts : (views, 2) of the second device's picture in each view, in pixels.
-    """
-
-    devices: tuple[Camera, ...]
-    second_from_first: RigidTransform
-    first_from_board: tuple[RigidTransform, ...]
-    bend: FloatArray
-    shifts: FloatArray
-
-    @classmethod
-    def started(
-        cls,
-        devices: tuple[Camera, ...],
-        second_from_first: RigidTransform,
-        first_from_board: tuple[RigidTransform, ...],
-    ) -> Setup:
-        """With a flat board, and a projector that stood still."""
-        return cls(devices, second_from_first, first_from_board, np.zeros(3), np.zeros((len(first_from_board), 2)))
-
-    def without(self, view: int) -> Setup:
-        """The same, without that view."""
-        poses = self.first_from_board[:view] + self.first_from_board[view + 1 :]
-        return replace(self, first_from_board=poses, shifts=np.delete(self.shifts, view, axis=0))
-
-    @property
-    def globals(self) -> int:
-        """Number of columns before those of the view."""
-        return 12 if len(self.devices) == 1 else 27
+OF_BOARD = len(BEND) + len(POSE)
+"""Number of the columns that move points of the board."""
 
 
 def linearise(setup: Setup, group: Group) -> tuple[FloatArray, FloatArray]:
-    """Predicted minus measured pixels (N, 2), and their derivatives (N, 2, globals + OF_VIEW).
+    """Predicted minus measured pixels (N, 2), and their derivatives (N, 2, columns.all).
 
     Of dense points, the two numbers are along and across the epipolar line: a board that is not quite flat shows
     along it only; and a scene of unknown shape tells nothing along it, there they are zero.
@@ -119,7 +69,7 @@ def _linearise_scene(setup: Setup, group: SceneObservations) -> tuple[FloatArray
     rays = setup.devices[0].unproject(group.camera_px)
     points = triangulated(setup, rays, group.projector_px)
     by_ray = points[:, 2, None, None] * np.eye(3)[:, :2]
-    residual, jacobian = _through_both(setup, group, rays, points, by_ray, np.zeros((len(points), 3, 9)))
+    residual, jacobian = _through_both(setup, group, rays, points, by_ray, np.zeros((len(points), 3, OF_BOARD)))
     residual[:, 0] = jacobian[:, 0] = 0
     return residual, jacobian
 
@@ -139,7 +89,7 @@ def _through_both(
     camera = setup.devices[0]
     residual, jacobian, by_point = _through_device(setup, 1, points, by_board, group.projector_px, group.view)
     ray_by_intrinsics = -np.linalg.solve(camera.ray_jacobian(rays), _by_intrinsics(camera, rays))
-    jacobian[:, :, :9] = by_point @ by_ray @ ray_by_intrinsics
+    jacobian[:, :, setup.columns.intrinsics(0)] = by_point @ by_ray @ ray_by_intrinsics
     along = by_point @ _homogeneous(rays)[:, :, None]
     return (
         _turned_to_epipolar(along, residual[:, :, None])[:, :, 0],
@@ -148,13 +98,9 @@ def _through_both(
 
 
 def triangulated(setup: Setup, rays: FloatArray, projector_px: FloatArray) -> FloatArray:
-    """Points (N, 3) on the first device's rays, nearest in angle to where the second sees them."""
-    ray = _homogeneous(rays)
-    seen = setup.devices[1].unproject(projector_px)
-    turned, t = ray @ setup.second_from_first.R.T, setup.second_from_first.t
-    # (depth * turned + t) x seen = 0: two equations in the depth
-    a, b = turned[:, :2] - seen * turned[:, 2:], seen * t[2] - t[:2]
-    return ray * (np.sum(a * b, axis=1) / np.sum(a * a, axis=1))[:, None]
+    """Points (N, 3) on the first device's rays, nearest to where the second sees them."""
+    depths = depths_on_rays(setup.second_from_first, rays, setup.devices[1].unproject(projector_px))
+    return _homogeneous(rays) * depths[:, None]
 
 
 def _through_device(
@@ -162,21 +108,21 @@ def _through_device(
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Residuals and derivatives of `points` (N, 3) of the first frame, also by the point itself (N, 2, 3).
 
-    by_board (N, 3, 9): how the points move with the bend and the board's pose.
+    by_board (N, 3, OF_BOARD): how the points move with the board's columns, its bend and its pose.
     """
-    camera, second = setup.devices[device], setup.second_from_first
-    jacobian = np.zeros((len(points), 2, setup.globals + OF_VIEW))
+    camera, second, columns = setup.devices[device], setup.second_from_first, setup.columns
+    jacobian = np.zeros((len(points), 2, columns.all))
     turned = points @ second.R.T
     seen = turned + second.t if device == 1 else points
     rays = seen[:, :2] / seen[:, 2:]
     by_point = _pixel_by_point(camera, seen)
-    jacobian[:, :, 9 * device : 9 * device + 9] = _by_intrinsics(camera, rays)
+    jacobian[:, :, columns.intrinsics(device)] = _by_intrinsics(camera, rays)
     if device == 1:
-        jacobian[:, :, 18:21] = -by_point @ _skew(turned)
-        jacobian[:, :, 21:24] = by_point
-        jacobian[:, 0, -2] = jacobian[:, 1, -1] = 1
+        jacobian[:, :, columns.rotation] = -by_point @ _skew(turned)
+        jacobian[:, :, columns.translation] = by_point
+        jacobian[:, :, columns.shift] = np.eye(2)
         by_point = by_point @ second.R
-    jacobian[:, :, -11:-2] = by_point @ by_board
+    jacobian[:, :, columns.board] = by_point @ by_board
     return camera.project(seen) + device * setup.shifts[view] - measured, jacobian, by_point
 
 
@@ -204,7 +150,7 @@ def _by_intrinsics(camera: Camera, rays: FloatArray) -> FloatArray:
     """(N, 2, 9) d pixel / d `INTRINSICS`, at undistorted rays (N, 2); of a polynomial lens."""
     x, y = rays.T
     r2 = x * x + y * y
-    jacobian = np.zeros((len(rays), 2, 9))
+    jacobian = np.zeros((len(rays), 2, len(INTRINSICS)))
     distorted = camera.distort(rays)
     jacobian[:, 0, 0], jacobian[:, 1, 1] = distorted.T
     jacobian[:, 0, 2] = jacobian[:, 1, 3] = 1

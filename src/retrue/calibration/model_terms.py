@@ -11,9 +11,9 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from retrue.calibration.bundle import Adjusted, adjust, moved
-from retrue.calibration.jacobians import BEND, INTRINSICS, OF_VIEW, Setup
+from retrue.calibration.bundle import Adjusted, adjust
 from retrue.calibration.observations import CornerObservations, Group
+from retrue.calibration.setup import BEND, Setup
 from retrue.errors import DegenerateError
 from retrue.geometry.arrays import BoolArray, FloatArray
 from retrue.geometry.camera import Camera
@@ -68,11 +68,12 @@ class Choice:
 
 def fit_with_lens(setup: Setup, groups: tuple[Group, ...], fixed: tuple[bool, ...], terms: tuple[str, ...]) -> Adjusted:
     """Bundle adjustment with these terms in every device that is not fixed, and a flat board."""
-    active = np.zeros(setup.globals, dtype=bool)
-    active[18:24] = True
-    for device in np.flatnonzero(~np.array(fixed)):
-        active[9 * device : 9 * device + 4] = True
-        active[[9 * device + INTRINSICS.index(term) for term in terms]] = True
+    columns = setup.columns
+    active = np.zeros(columns.shared, dtype=bool)
+    active[columns.pose] = True
+    for device in (device for device, known in enumerate(fixed) if not known):
+        active[columns.pinhole(device)] = True
+        active[[columns.intrinsic(device, term) for term in terms]] = True
     return adjust(setup, groups, active)
 
 
@@ -142,14 +143,13 @@ def _terms(setup: Setup, groups: tuple[Group, ...], fixed: tuple[bool, ...]) -> 
     """Those of the devices that are estimated, and of the board."""
     terms: list[Term] = []
     for device in (device for device, known in enumerate(fixed) if not known):
-        column = {name: 9 * device + index for index, name in enumerate(INTRINSICS)}
         for names in LENS_TERMS:
-            needs = column[NEEDS[names[0]]] if names[0] in NEEDS else None
-            columns, unseen = tuple(column[name] for name in names), tuple(UNSEEN[name] for name in names)
-            terms.append(Term(names, columns, device, needs, unseen))
+            needs = setup.columns.intrinsic(device, NEEDS[names[0]]) if names[0] in NEEDS else None
+            columns = tuple(setup.columns.intrinsic(device, name) for name in names)
+            terms.append(Term(names, columns, device, needs, tuple(UNSEEN[name] for name in names)))
     corners = [group.board_points for group in groups if isinstance(group, CornerObservations)]
     bend = 4 * UNSEEN_SAG / float(np.ptp(np.concatenate(corners), axis=0).max())
-    columns = tuple(range(setup.globals - len(BEND), setup.globals))
+    columns = tuple(range(setup.columns.shared)[setup.columns.bend])
     return [*terms, Term(BEND, columns, len(fixed), None, (bend,) * len(BEND))]
 
 
@@ -178,16 +178,19 @@ def _may_change(active: BoolArray, term: Term, terms: list[Term]) -> bool:
 
 
 def _values(setup: Setup, columns: list[int]) -> FloatArray:
-    lenses = [np.append(np.zeros(4), camera.distortion[:5]) for camera in setup.devices]
-    return np.concatenate([*lenses, np.zeros(6 * (len(lenses) - 1)), setup.bend])[columns]
+    values = np.zeros(setup.columns.shared)
+    for device, camera in enumerate(setup.devices):
+        values[setup.columns.lens(device)] = camera.distortion[:5]
+    values[setup.columns.bend] = setup.bend
+    return values[columns]
 
 
 def _pinned(setup: Setup, term: Term) -> Setup:
     """The same, with those coefficients zero."""
     columns = list(term.columns)
-    change = np.zeros(setup.globals)
+    change = np.zeros(setup.columns.shared)
     change[columns] = -_values(setup, columns)
-    pinned = moved(setup, change, np.zeros((len(setup.first_from_board), OF_VIEW)))
+    pinned = setup.moved(change)
     return pinned if pinned is not None else setup
 
 

@@ -50,7 +50,7 @@ class SceneObservations:
 
 
 Group = CornerObservations | PlaneObservations | SceneObservations
-NOTHING = np.empty((0, 2))
+NO_PIXELS = np.empty((0, 2))
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -73,13 +73,13 @@ class View:
     board_xy: FloatArray
     pixels: tuple[FloatArray, ...]
     sigmas: tuple[FloatArray, ...]
-    patch_camera_px: FloatArray = field(default_factory=lambda: NOTHING)
-    patch_projector_px: FloatArray = field(default_factory=lambda: NOTHING)
+    patch_camera_px: FloatArray = field(default_factory=lambda: NO_PIXELS)
+    patch_projector_px: FloatArray = field(default_factory=lambda: NO_PIXELS)
     patch_sigma: FloatArray = field(default_factory=lambda: np.empty(0))
-    scene_camera_px: FloatArray = field(default_factory=lambda: NOTHING)
-    scene_projector_px: FloatArray = field(default_factory=lambda: NOTHING)
-    dense_camera_px: FloatArray = field(default_factory=lambda: NOTHING)
-    dense_projector_px: FloatArray = field(default_factory=lambda: NOTHING)
+    scene_camera_px: FloatArray = field(default_factory=lambda: NO_PIXELS)
+    scene_projector_px: FloatArray = field(default_factory=lambda: NO_PIXELS)
+    dense_camera_px: FloatArray = field(default_factory=lambda: NO_PIXELS)
+    dense_projector_px: FloatArray = field(default_factory=lambda: NO_PIXELS)
     complete: bool = True
 
     def seen(self, device: int) -> IntArray:

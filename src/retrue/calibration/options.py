@@ -1,8 +1,10 @@
-"""Named limits of the static calibration."""
+"""What a calibration can be told; apart from it, so that `--help` need not load NumPy."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
+
+from retrue.ranges import check_ranges, ranged
 
 
 @dataclass(frozen=True, slots=True)
@@ -24,7 +26,10 @@ class CalibrationOptions:
     """
 
     dense: bool = True
-    corner_limit: float = 4.0
-    view_limit: float = 3.0
-    largest_error: float = 0.01
-    largest_rms_px: float = 3.0
+    corner_limit: float = ranged(4.0, 0, above=True)
+    view_limit: float = ranged(3.0, 1)
+    largest_error: float = ranged(0.01, 0, above=True)
+    largest_rms_px: float = ranged(3.0, 0, above=True)
+
+    def __post_init__(self) -> None:
+        check_ranges(self)

@@ -8,23 +8,21 @@ that their errors are independent, and continue one square beyond the outer corn
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any, cast
 
-import cv2 as opencv
 import numpy as np
 
 from retrue.calibration.board import Board
-from retrue.calibration.detection import BoardCorners
+from retrue.calibration.detection import BoardCorners, opencv
 from retrue.correspondences import Correspondences
 from retrue.errors import InputError
 from retrue.geometry.arrays import BoolArray, FloatArray, IntArray
-
-cv2 = cast(Any, opencv)  # its stubs leave out half of what is used here
+from retrue.geometry.homography import apply_homography, fit_homography
+from retrue.geometry.robust import MEDIAN_DISTANCE
 
 FEWEST_IN_CELL = 8
 LARGEST_CELL = 4  # squares on a side
 WORST_CORNER_PX = 0.5  # sigma beyond which a corner tells nothing that its neighbours do not tell better
-MOST_POINTS = 25_000  # of a view: neighbours share stripe edges, so that more tell nothing new
+MOST_DECODED = 25_000  # of a view: neighbours share stripe edges, so that more tell nothing new
 MODEL_PX = 0.01  # what an affine map of a cell, and the decoder's own bias, may leave beyond the scatter
 KEPT_SCENE_POINTS = 120  # of a view, around the board
 KEPT_DENSE_POINTS = 4000  # of a view, to judge by
@@ -55,7 +53,7 @@ class ProjectorFit:
 
 def fit_projector_corners(corners: BoardCorners, points: Correspondences, board: Board) -> ProjectorFit:
     """The projector's view of a board that the camera sees at `corners`. Raises `InputError` where it has none."""
-    board_from_camera, _ = cv2.findHomography(corners.pixels, corners.board_xy)
+    board_from_camera = fit_homography(corners.pixels, corners.board_xy, source_sigma=0.0)  # cells are cut on the board
     thin = _every_nth(points.camera_px)
     camera_px, projector_px = points.camera_px[thin], points.projector_px[thin]
     near = _on_board(camera_px, corners, board_from_camera, 1.5, board.spacing)  # with its margin
@@ -75,7 +73,7 @@ def fit_projector_corners(corners: BoardCorners, points: Correspondences, board:
             "did the board move during the capture, or is it another pattern?"
         )
     rest = projector_px - smooth(camera_px)
-    board_xy = _mapped(board_from_camera, camera_px)
+    board_xy = apply_homography(board_from_camera, camera_px)
     side = _cell_side(board_xy, board.spacing)
     cells, names = _cells(board_xy, side)
     fit = _LocalFits(camera_px, rest, cells, len(names))
@@ -112,7 +110,7 @@ class _LocalFits:
         for limit in (8.0, 4.0, 4.0):
             self._fit(camera_px, rest, cells, count)
             error = np.linalg.norm(rest - self._value(camera_px, cells), axis=1)
-            typical = max(float(np.median(error[self.kept])), 1e-6) / 1.1774
+            typical = max(float(np.median(error[self.kept])), 1e-6) / MEDIAN_DISTANCE
             self.kept = error < limit * np.maximum(self.spread[cells], typical)
         self._fit(camera_px, rest, cells, count)
 
@@ -158,8 +156,8 @@ class _LocalFits:
 
 
 def _every_nth(camera_px: FloatArray) -> IntArray:
-    """Points of every n-th row and column, so that about `MOST_POINTS` remain."""
-    every = int(np.ceil(np.sqrt(max(len(camera_px), 1) / MOST_POINTS)))
+    """Points of every n-th row and column, so that about `MOST_DECODED` remain."""
+    every = int(np.ceil(np.sqrt(max(len(camera_px), 1) / MOST_DECODED)))
     return np.flatnonzero(((camera_px + 0.5).astype(np.int32) % every == 0).all(axis=1))
 
 
@@ -169,12 +167,12 @@ def _on_board(
     """Rows of points that lie within the board's corners, or up to that many squares beyond."""
     low, high = corners.board_xy.min(axis=0) - squares * spacing, corners.board_xy.max(axis=0) + squares * spacing
     outline = np.array([[low[0], low[1]], [high[0], low[1]], [high[0], high[1]], [low[0], high[1]]])
-    box = _mapped(np.asarray(np.linalg.inv(board_from_camera), dtype=np.float64), outline)
+    box = apply_homography(np.asarray(np.linalg.inv(board_from_camera), dtype=np.float64), outline)
     x, y = camera_px.T
     rows = np.flatnonzero(
         (x >= box[:, 0].min()) & (x <= box[:, 0].max()) & (y >= box[:, 1].min()) & (y <= box[:, 1].max())
     )
-    on_board = _mapped(board_from_camera, camera_px[rows])
+    on_board = apply_homography(board_from_camera, camera_px[rows])
     return rows[((on_board > low) & (on_board < high)).all(axis=1)]
 
 
@@ -192,6 +190,7 @@ class _SmoothMap:
         """The map, and the share of points within some pixels of the homography."""
         sample = np.linspace(0, len(camera_px) - 1, min(len(camera_px), 3000)).astype(int)
         camera_px, projector_px = camera_px[sample], projector_px[sample]
+        cv2 = opencv()
         homography, mask = cv2.findHomography(camera_px, projector_px, cv2.RANSAC, 4.0, maxIters=500)
         if homography is None:
             return None, 0.0
@@ -210,7 +209,7 @@ class _SmoothMap:
         return cls(homography, middle, spread, cubic), share
 
     def __call__(self, camera_px: FloatArray) -> FloatArray:
-        return _mapped(self.homography, camera_px) + self._powers(camera_px) @ self.cubic
+        return apply_homography(self.homography, camera_px) + self._powers(camera_px) @ self.cubic
 
     def _powers(self, camera_px: FloatArray) -> FloatArray:
         x, y = ((camera_px - self.middle) / self.spread).T
@@ -237,8 +236,3 @@ def _cells(board_xy: FloatArray, side: float) -> tuple[IntArray, list[tuple[int,
 def _name(board_xy: FloatArray, side: float) -> tuple[int, int]:
     column, row = np.floor(board_xy / side + 0.5)
     return int(column), int(row)
-
-
-def _mapped(homography: FloatArray, points: FloatArray) -> FloatArray:
-    mapped = points @ homography[:, :2].T + homography[:, 2]
-    return mapped[:, :2] / mapped[:, 2:]

@@ -6,8 +6,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from retrue.calibration.bundle import Adjusted, moved
-from retrue.calibration.jacobians import INTRINSICS, OF_VIEW, triangulated
+from retrue.calibration.bundle import Adjusted
+from retrue.calibration.jacobians import triangulated
+from retrue.calibration.setup import INTRINSICS
 from retrue.geometry.arrays import FloatArray
 
 
@@ -35,15 +36,18 @@ def parameter_sigmas(fit: Adjusted) -> dict[str, dict[str, float]]:
 
     Pixels; distortion in its own units; rotation in degrees about the projector's axes, translation in the rig's unit.
     """
+    columns = fit.setup.columns
     sigma = np.zeros(len(fit.active))
     sigma[fit.active] = np.sqrt(np.maximum(np.diag(fit.covariance), 0))
-    sigma[18:21] = np.degrees(sigma[18:21])
-    names = ("rx_deg", "ry_deg", "rz_deg", "tx", "ty", "tz")
-    blocks = (("camera", INTRINSICS, 0), ("projector", INTRINSICS, 9), ("projector_from_camera", names, 18))
+    sigma[columns.rotation] = np.degrees(sigma[columns.rotation])
+    blocks = (
+        ("camera", INTRINSICS, columns.intrinsics(0)),
+        ("projector", INTRINSICS, columns.intrinsics(1)),
+        ("projector_from_camera", ("rx_deg", "ry_deg", "rz_deg", "tx", "ty", "tz"), columns.pose),
+    )
     return {
-        device: {name: float(sigma[first + i]) for i, name in enumerate(columns) if fit.active[first + i]}
-        for device, columns, first in blocks
-        if first < len(sigma)
+        what: {name: float(size) for name, size, free in zip(names, sigma[own], fit.active[own], strict=True) if free}
+        for what, names, own in blocks
     }
 
 
@@ -62,12 +66,11 @@ def predicted_error(fit: Adjusted) -> PredictedError:
         return PredictedError(float("nan"), distance)
     camera_px, projector_px = camera_px[both], projector_px[both]
     squares = np.zeros(len(camera_px))
-    still = np.zeros((len(setup.first_from_board), OF_VIEW))
     values, vectors = np.linalg.eigh(fit.covariance)
     for value, vector in zip(values, vectors.T, strict=True):
         change = np.zeros(len(fit.active))
         change[fit.active] = 1e-3 * np.sqrt(max(value, 0.0)) * vector  # small, so that the step is linear
-        shifted = moved(setup, change, still)
+        shifted = setup.moved(change)
         if shifted is None:
             return PredictedError(float("nan"), distance)
         there = triangulated(shifted, shifted.devices[0].unproject(camera_px), projector_px)

@@ -15,13 +15,15 @@ from retrue.calibration.projector_corners import fit_projector_corners
 from retrue.correspondences import Correspondences
 from retrue.errors import InputError
 from retrue.geometry.arrays import FloatArray, Image, IntArray
+from retrue.shown import ShortRepr, Shown, counted
+from retrue.values import ByValue
 
 FEWEST_CORNERS = 8
 Progress = Callable[[str], None]
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class BoardCapture:
+@dataclass(frozen=True, slots=True, eq=False, repr=False)
+class BoardCapture(ByValue, ShortRepr):
     """One pose of the board, lit white, and the dense code of the same moment; `corners` where found already."""
 
     name: str
@@ -29,14 +31,23 @@ class BoardCapture:
     points: Correspondences
     corners: BoardCorners | None = None
 
+    def _shown(self) -> Shown:
+        width, height = picture_size(self.white)
+        board = "" if self.corners is None else f", {counted(len(self.corners.pixels), 'corner')} of the board"
+        return f"{self.name}, {width} x {height} px, {counted(len(self.points), 'point')}{board}", {}
 
-@dataclass(frozen=True, slots=True, eq=False)
-class StereoCapture:
+
+@dataclass(frozen=True, slots=True, eq=False, repr=False)
+class StereoCapture(ByValue, ShortRepr):
     """One pose of the board, seen by two cameras."""
 
     name: str
     left: Image
     right: Image
+
+    def _shown(self) -> Shown:
+        sizes = (f"{width} x {height} px" for width, height in map(picture_size, (self.left, self.right)))
+        return f"{self.name}, {' and '.join(sizes)}", {}
 
 
 Capture = BoardCapture | StereoCapture

@@ -15,7 +15,8 @@ from retrue.cli.terminal import terminal
 from retrue.errors import FileError, InputError
 
 if TYPE_CHECKING:
-    from retrue.correspondences import Correspondences
+    from retrue.capture import Capture
+    from retrue.patterns.pattern import Pattern
     from retrue.report.page import Page
 
 RigPath = Positional[Annotated[Path, arg(metavar="RIG")]]
@@ -26,8 +27,6 @@ PatternPath = Annotated[Path | None, arg(metavar="P.json")]
 DONE = 0
 REFUSED_OR_DRIFTED = 1
 BAD_INPUT = 2
-
-FIRST_TIME = "the first time on a machine this compiles for some seconds"
 
 
 @dataclass(frozen=True, slots=True)
@@ -87,6 +86,10 @@ class ReportingCommand(Command):
 
     report: Annotated[Path | None, arg(metavar="PAGE.html")] = None
 
+    def read(self, captures: Sequence[Path], pattern: Path | None) -> list[Capture]:
+        """The captures, with their photographs where a page will show them."""
+        return read_captures(captures, shown_pattern(pattern), keep_photographs=self.report is not None)
+
 
 def log(message: str) -> None:
     """What was found on the way, out of the way of what a program may read from stdout."""
@@ -115,21 +118,31 @@ def made_folder(path: Path) -> Path:
     return path
 
 
-def read_captures(captures: Sequence[Path], pattern: Path | None) -> list[Correspondences]:
-    """Each decoded or read, and said how many points it holds."""
-    from retrue.files.captures import read_capture
+def shown_pattern(path: Path | None) -> Pattern | None:
+    """What the projector showed. Its decoder is imported with it: a clock that starts now measures work."""
+    if path is None:
+        return None
+    from retrue.decoding.decode import import_decoder
     from retrue.files.patterns import read_pattern
 
-    if not captures:
+    pattern = read_pattern(path)
+    import_decoder(pattern)
+    return pattern
+
+
+def read_captures(paths: Sequence[Path], pattern: Pattern | None, *, keep_photographs: bool = False) -> list[Capture]:
+    """Each decoded or read, and said how many points it holds."""
+    from retrue.files.captures import load_capture
+
+    if not paths:
         raise InputError("expected at least one CAPTURE after the rig, found none")
-    spec = None if pattern is None else read_pattern(pattern)
-    points: list[Correspondences] = []
+    captures: list[Capture] = []
     show = terminal.progress("decoding captures")
-    for done, capture in enumerate(captures):
-        if spec is not None:
-            terminal.status(f"decoding {capture}; {FIRST_TIME}")
+    for done, path in enumerate(paths):
+        if pattern is not None:
+            terminal.status(f"decoding {path}")
         if done:
-            show(done, len(captures))
-        points.append(read_capture(capture, spec))
-        log(f"{capture}: {len(points[-1])} correspondences")
-    return points
+            show(done, len(paths))
+        captures.append(load_capture(path, pattern, keep_photograph=keep_photographs))
+        log(f"{path}: {len(captures[-1].points)} correspondences")
+    return captures

@@ -1,43 +1,15 @@
-"""All commands, in the order in which a newcomer meets them."""
+"""All commands, in the order in which a newcomer meets them, and how tyro reads them."""
 
 from __future__ import annotations
 
-from retrue.cli.calibrate import Calibrate
-from retrue.cli.command import Command
-from retrue.cli.completion import Completion
-from retrue.cli.convert import Convert
-from retrue.cli.decode import Decode
-from retrue.cli.demo import Demo
-from retrue.cli.diff import Diff
-from retrue.cli.experiment import Experiment
-from retrue.cli.history import History
-from retrue.cli.pattern import Pattern
-from retrue.cli.recalibrate import Recalibrate
-from retrue.cli.reconstruct import Reconstruct
-from retrue.cli.rollback import Rollback
-from retrue.cli.simulate import Simulate
-from retrue.cli.verify import Verify
-from retrue.cli.view import View
-from retrue.cli.watch import Watch
+from collections.abc import Sequence
+from importlib import import_module
+from typing import TYPE_CHECKING, Annotated, Any, Union, cast
 
-COMMANDS: dict[str, type[Command]] = {
-    "demo": Demo,
-    "pattern": Pattern,
-    "decode": Decode,
-    "calibrate": Calibrate,
-    "recalibrate": Recalibrate,
-    "verify": Verify,
-    "reconstruct": Reconstruct,
-    "view": View,
-    "watch": Watch,
-    "history": History,
-    "rollback": Rollback,
-    "diff": Diff,
-    "convert": Convert,
-    "simulate": Simulate,
-    "experiment": Experiment,
-    "completion": Completion,
-}
+if TYPE_CHECKING:
+    from retrue.cli.command import Command
+
+DESCRIPTION = "Recalibrate a camera-projector rig from one picture, and know how sure the answer is."
 EXAMPLES: dict[str, tuple[str, ...]] = {
     "demo": ("retrue demo --out demo-out",),
     "pattern": (
@@ -71,3 +43,37 @@ EXAMPLES: dict[str, tuple[str, ...]] = {
         "retrue completion fish > ~/.config/fish/completions/retrue.fish",
     ),
 }
+
+
+def command_kind(name: str) -> type[Command]:
+    """The class of a command; no other command's file is imported: `watch` is the class `Watch` of cli/watch.py."""
+    return cast("type[Command]", getattr(import_module(f"retrue.cli.{name}"), name.capitalize()))
+
+
+def call_tyro(arguments: Sequence[str]) -> Command:
+    """What tyro makes of the arguments; ends in `SystemExit` where it prints help, or complains.
+
+    Where they start with the name of a command, only that one is read: to build the parsers of all takes longer than
+    most of what a command does.
+    """
+    import tyro
+
+    from retrue.cli.known_distance import registry
+
+    kinds: Any
+    name, *words = arguments
+    if name in EXAMPLES:
+        kinds, prog, description = command_kind(name), f"retrue {name}", None
+    else:
+        choices = tuple(Annotated[command_kind(name), tyro.conf.subcommand(name)] for name in EXAMPLES)
+        kinds, prog, description = Union[choices], "retrue", DESCRIPTION  # noqa: UP007 - of a tuple made at run time
+        words = list(arguments)
+    command = tyro.cli(
+        kinds,
+        prog=prog,
+        description=description,
+        args=words,
+        config=(tyro.conf.FlagCreatePairsOff,),
+        registry=registry,
+    )
+    return cast("Command", command)

@@ -25,7 +25,7 @@ class Completion(Command):
     shell: Positional[Literal["bash", "zsh", "fish"]]
 
     def run(self) -> Outcome:
-        from retrue.cli.parsing import call_tyro
+        from retrue.cli.commands import call_tyro
 
         script = io.StringIO()
         with contextlib.redirect_stdout(script), contextlib.suppress(SystemExit):

@@ -3,10 +3,9 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from pathlib import Path
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 from tyro.conf import arg
 
@@ -20,8 +19,14 @@ from retrue.cli.command import (
     made_folder,
     read_captures,
     require_writable,
+    shown_pattern,
 )
 from retrue.errors import InputError
+
+if TYPE_CHECKING:
+    from retrue.capture import Capture
+    from retrue.correspondences import Card
+    from retrue.patterns.pattern import Pattern
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -50,44 +55,45 @@ class Decode(Command):
         from retrue.plain_json import plain
 
         require_writable(self.out)
+        pattern = shown_pattern(self.pattern)
         start = time.perf_counter()
-        (points,) = read_captures([self.capture], self.pattern)
+        (capture,) = read_captures([self.capture], pattern, keep_photographs=self.debug is not None)
         seconds = time.perf_counter() - start
-        write_points(self.out, points)
-        report = {"correspondences": len(points), "seconds": seconds, "card": plain(points.card), "out": str(self.out)}
-        text = [f"{self.out}: {len(points)} correspondences, decoded in {seconds:.2f} s", *_card_lines(points.card)]
+        count, card = len(capture.points), capture.card
+        write_points(self.out, capture.points)
+        report: dict[str, Any] = {
+            "correspondences": count,
+            "seconds": seconds,
+            "card": {} if card is None else plain(asdict(card)),
+            "out": str(self.out),
+        }
+        text = [f"{self.out}: {count} correspondences, decoded in {seconds:.2f} s"]
+        if card is not None:
+            text += _card_lines(card)
         if self.debug is not None:
-            report["debug"] = [str(path) for path in _draw(self.capture, self.pattern, made_folder(self.debug))]
+            report["debug"] = [str(path) for path in _draw(capture, pattern, made_folder(self.debug))]
             text.append(f"{self.debug}: {len(report['debug'])} pictures of what the decoder saw")
-        return Outcome(report, "\n".join(text), DONE if len(points) else REFUSED_OR_DRIFTED)
+        return Outcome(report, "\n".join(text), DONE if count else REFUSED_OR_DRIFTED)
 
 
-def _card_lines(card: Mapping[str, Any]) -> list[str]:
+def _card_lines(card: Card) -> list[str]:
     """What was seen, what was left out and why, and what to change, a line each."""
-    lines: list[str] = []
-    if "blocks_seen" in card:
-        lines.append(f"{card['blocks_seen']} blocks seen, {card['decoded']} decoded")
-    if "coverage" in card:
-        lines.append(f"{card['coverage']:.0%} of the picture covered")
-    lines += [f"left out: {reason}, {count}" for reason, count in card.get("rejected", {}).items() if count]
-    advice = card.get("advice") or ()
-    return lines + [f"advice: {line}" for line in ([advice] if isinstance(advice, str) else advice)]
+    lines = [f"{card.seen} {card.counted} seen, {card.decoded} decoded", f"{card.coverage:.0%} of the picture covered"]
+    lines += [f"left out: {reason}, {count}" for reason, count in card.rejected.items() if count]
+    return lines + [f"advice: {line}" for line in card.advice]
 
 
-def _draw(capture: Path, pattern: Path | None, folder: Path) -> list[Path]:
+def _draw(capture: Capture, pattern: Pattern | None, folder: Path) -> list[Path]:
     """The pictures of one look at a colour grid."""
     from retrue.decoding.blocks.decode_color_grid import inspect_color_grid
     from retrue.files.atomic import replaced_file
-    from retrue.files.images import read_image
-    from retrue.files.patterns import read_pattern
     from retrue.patterns.color_grid import ColorGrid
     from retrue.report.grid_debug import grid_pictures
 
-    spec = None if pattern is None else read_pattern(pattern)
-    if not isinstance(spec, ColorGrid) or not capture.is_file():
+    if not isinstance(pattern, ColorGrid) or capture.photograph is None:
         raise InputError("--debug draws what was seen of a colour grid: give one picture and a color-grid pattern")
     paths: list[Path] = []
-    for name, picture in grid_pictures(inspect_color_grid(spec, read_image(capture))).items():
+    for name, picture in grid_pictures(inspect_color_grid(pattern, capture.photograph)).items():
         paths.append(folder / f"{name}.png")
         with replaced_file(paths[-1]) as stream:
             stream.write(picture)

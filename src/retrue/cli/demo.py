@@ -70,13 +70,13 @@ class Demo(ReportingCommand):
 
 def _page(before: Rig, true: Rig, image: Image, points: Correspondences, result: Accepted | Refused) -> Page:
     """The page of the recalibration, and how far from the truth it is."""
+    from retrue.capture import Capture
     from retrue.recalibration.result import Accepted
     from retrue.report.lengths import degrees
     from retrue.report.page import Section, Table
     from retrue.report.recalibration_page import recalibration_page
-    from retrue.report.seen import SeenCapture
 
-    page = recalibration_page(before, [SeenCapture("scene.jpg", points, image)], result)
+    page = recalibration_page(before, [Capture("scene.jpg", points, image)], result)
     rigs = {"before": before, "after": result.rig} if isinstance(result, Accepted) else {"before": before}
     errors = {name: _distance(rig.projector_from_camera, true.projector_from_camera) for name, rig in rigs.items()}
     table = Table(

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 from tyro.conf import Positional, arg
 
-from retrue.cli.command import Command, Outcome, made_folder, read_captures
+from retrue.cli.command import Command, Outcome, made_folder, read_captures, shown_pattern
 from retrue.cli.terminal import terminal
 from retrue.errors import InputError
 
@@ -96,6 +96,6 @@ class Experiment(Command):
 
         if self.rig is None:
             raise InputError("experiment real: expected --rig, the static calibration to compare with")
-        captures = read_captures(self.captures, self.pattern)
-        names = [path.name for path in self.captures]
-        return real(read_rig(self.rig), dict(zip(names, captures, strict=True)), seed=self.seed, **count)
+        captures = read_captures(self.captures, shown_pattern(self.pattern))
+        points = {capture.name: capture.points for capture in captures}
+        return real(read_rig(self.rig), points, seed=self.seed, **count)

@@ -51,7 +51,7 @@ class History(Command):
         }
         text = _table(entries, steps, in_place)
         if self.plot is not None:
-            from retrue.report.drift import drift_picture
+            from retrue.report.pictures import drift_picture
 
             since_first = [rig_difference(entries[0].rig, entry.rig) for entry in entries]
             with replaced_file(self.plot) as stream:

@@ -9,17 +9,13 @@ import sys
 from collections.abc import Iterable, Sequence
 from dataclasses import fields, is_dataclass
 from difflib import get_close_matches
-from typing import Annotated, Any, Union, cast, get_type_hints
-
-import tyro
+from typing import get_type_hints
 
 from retrue.cli.command import Command
-from retrue.cli.commands import COMMANDS, EXAMPLES
-from retrue.cli.known_distance import registry
+from retrue.cli.commands import EXAMPLES, call_tyro, command_kind
 from retrue.cli.terminal import wants_color
 from retrue.errors import RetrueError
 
-DESCRIPTION = "Recalibrate a camera-projector rig from one picture, and know how sure the answer is."
 HELP = {"-h", "--help"}
 
 
@@ -30,10 +26,10 @@ class UsageError(RetrueError):
 def parse(arguments: Sequence[str]) -> Command:
     """The command, with its fields set. Raises `UsageError`; help is printed, and ends in `SystemExit`."""
     if not arguments:
-        raise UsageError(f"expected a command: {', '.join(COMMANDS)}; `retrue demo` shows all of it, --help explains")
+        raise UsageError(f"expected a command: {', '.join(EXAMPLES)}; `retrue demo` shows all of it, --help explains")
     name = arguments[0]
-    if not name.startswith("-") and name not in COMMANDS:
-        raise UsageError(f"{name}: no such command; {_nearest(name, COMMANDS) or 'retrue --help lists them'}")
+    if not name.startswith("-") and name not in EXAMPLES:
+        raise UsageError(f"{name}: no such command; {_nearest(name, EXAMPLES) or 'retrue --help lists them'}")
     complaint, shown = io.StringIO(), io.TextIOWrapper(io.BytesIO(), encoding="utf-8")
     try:
         with contextlib.ExitStack() as stack:
@@ -51,23 +47,9 @@ def parse(arguments: Sequence[str]) -> Command:
         raise
 
 
-def call_tyro(arguments: Sequence[str]) -> Command:
-    """What tyro makes of the arguments; ends in `SystemExit` where it prints help, or complains."""
-    choices = tuple(Annotated[kind, tyro.conf.subcommand(name)] for name, kind in COMMANDS.items())
-    command = tyro.cli(
-        cast("Any", Union[choices]),  # noqa: UP007 - of a tuple made at run time
-        prog="retrue",
-        description=DESCRIPTION,
-        args=arguments,
-        config=(tyro.conf.FlagCreatePairsOff,),
-        registry=registry,
-    )
-    return cast("Command", command)
-
-
 def _explained(arguments: Sequence[str], complaint: str) -> str:
     """What is missing by name, an unknown option with the nearest one; all else as tyro says it, less its box."""
-    options = _options(COMMANDS[arguments[0]]) if arguments[0] in COMMANDS else []
+    options = _options(command_kind(arguments[0])) if arguments[0] in EXAMPLES else []
     if "Unrecognized" in complaint:
         for word in (word.partition("=")[0] for word in arguments[1:] if word.startswith("--")):
             if word not in options and word not in HELP:
@@ -78,6 +60,9 @@ def _explained(arguments: Sequence[str], complaint: str) -> str:
         return f"retrue {arguments[0]}: missing {', '.join(names)}; retrue {arguments[0]} --help has an example"
     _, _, inside = complaint.partition("\n")
     text = re.sub(r"[\s\u2500-\u257f]+", " ", inside)
+    # What a class of options refuses:
+    if limit := re.search(r"Error parsing [\w-]+: (\w+)(: expected .*?) ?(?:For full helptext|$)", text):
+        return f"{_option(limit[1])}{limit[2]}"
     return re.sub(r"Argument helptext:.*(?=For full helptext)", "", text).strip()
 
 

@@ -33,8 +33,8 @@ class Pattern(Command):
     out: Path
 
     def run(self) -> Outcome:
+        from retrue.files.images import write_png
         from retrue.files.patterns import write_pattern
-        from retrue.files.png import write_png
         from retrue.patterns.color_grid import make_color_grid
         from retrue.patterns.gray_code import GrayCode
 

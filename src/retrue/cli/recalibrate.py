@@ -17,14 +17,13 @@ from retrue.cli.command import (
     PatternPath,
     ReportingCommand,
     RigPath,
-    read_captures,
     require_writable,
 )
 from retrue.errors import InputError
 from retrue.recalibration.options import RecalibrateOptions
 
 if TYPE_CHECKING:
-    from retrue.correspondences import Correspondences
+    from retrue.capture import Capture
     from retrue.recalibration.result import Accepted, Refused
     from retrue.report.page import Page
     from retrue.rig import Rig
@@ -67,9 +66,9 @@ class Recalibrate(ReportingCommand):
             raise InputError("expected one of --out NEW.json and --in-place")
         require_writable(self.rig if self.in_place else self.out, self.report)
         rig = read_rig(self.rig)
-        captures = read_captures(self.captures, self.pattern)
+        captures = self.read(self.captures, self.pattern)
         start = time.perf_counter()
-        result = recalibrate(rig, captures, self.limits)
+        result = recalibrate(rig, [capture.points for capture in captures], self.limits)
         seconds = time.perf_counter() - start
         report = recalibration_report(result, seconds)
         page = None if self.report is None else (self.report, self._page(rig, captures, result))
@@ -78,12 +77,10 @@ class Recalibrate(ReportingCommand):
         written = self._write(result)
         return Outcome(report | written, f"{_described(result, rig.unit)}\n{written['out']}: written", DONE, page)
 
-    def _page(self, rig: Rig, captures: list[Correspondences], result: Accepted | Refused) -> Page:
-        from retrue.cli.report import seen_captures
+    def _page(self, rig: Rig, captures: list[Capture], result: Accepted | Refused) -> Page:
         from retrue.report.recalibration_page import recalibration_page
 
-        seen = seen_captures(self.captures, self.pattern, captures)
-        return recalibration_page(rig, seen, result, out=str(self.rig if self.in_place else self.out))
+        return recalibration_page(rig, captures, result, out=str(self.rig if self.in_place else self.out))
 
     def _write(self, result: Accepted) -> dict[str, Any]:
         if self.out is not None:
@@ -99,7 +96,7 @@ class Recalibrate(ReportingCommand):
 
 def _described(result: Accepted | Refused, unit: str) -> str:
     """The answer in a few lines."""
-    from retrue.report.lengths import figures
+    from retrue.shown import figures
 
     evidence = result.evidence
     lines = [f"{type(result).__name__.lower()}: {result.reason}"]

@@ -10,21 +10,12 @@ from typing import TYPE_CHECKING, Any
 from tyro.conf import OmitArgPrefixes
 
 from retrue.cad.options import CadOptions
-from retrue.cli.command import (
-    DONE,
-    CapturePath,
-    Outcome,
-    PatternPath,
-    ReportingCommand,
-    RigPath,
-    read_captures,
-    require_writable,
-)
+from retrue.cli.command import DONE, CapturePath, Outcome, PatternPath, ReportingCommand, RigPath, require_writable
 from retrue.reconstruction.options import ReconstructOptions
 
 if TYPE_CHECKING:
     from retrue.cad.model import CadModel
-    from retrue.correspondences import Correspondences
+    from retrue.capture import Capture
     from retrue.reconstruction.cloud import Cloud, Mesh
     from retrue.report.page import Page
     from retrue.rig import Rig
@@ -79,10 +70,10 @@ class Reconstruct(ReportingCommand):
 
         require_writable(self.out, self.mesh, self.cad, self.report)
         rig = read_rig(self.rig)
-        (points,) = read_captures([self.capture], self.pattern)
+        (capture,) = self.read([self.capture], self.pattern)
         self._require_formats(rig.unit)
         start = time.perf_counter()
-        cloud = self._finished(reconstruct(rig, points, self.limits))
+        cloud = self._finished(reconstruct(rig, capture.points, self.limits))
         mesh = None if self.mesh is None else make_mesh(cloud)
         model = None if self.cad is None else make_cad(cloud, self.cad_limits)
         seconds = time.perf_counter() - start
@@ -95,15 +86,13 @@ class Reconstruct(ReportingCommand):
         if model is not None:
             report |= {"cad": str(self.cad), "patches": _patches_report(model), "points_on_no_patch": model.left_out}
             text += f"\n{self.cad}: {_patches_text(model)}"
-        page = None if self.report is None else (self.report, self._page(rig, points, cloud, mesh))
+        page = None if self.report is None else (self.report, self._page(rig, capture, cloud, mesh))
         return Outcome(report | {"seconds": seconds}, text, DONE, page)
 
-    def _page(self, rig: Rig, points: Correspondences, cloud: Cloud, mesh: Mesh | None) -> Page:
-        from retrue.cli.report import seen_captures
+    def _page(self, rig: Rig, capture: Capture, cloud: Cloud, mesh: Mesh | None) -> Page:
         from retrue.report.reconstruction_page import reconstruction_page
 
-        (seen,) = seen_captures([self.capture], self.pattern, [points])
-        return reconstruction_page(rig, seen, cloud, faces=None if mesh is None else len(mesh.faces))
+        return reconstruction_page(rig, capture, cloud, faces=None if mesh is None else len(mesh.faces))
 
     def _require_formats(self, unit: str) -> None:
         """Find out before the work what no file of these names can hold."""

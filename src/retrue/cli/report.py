@@ -1,75 +1,24 @@
-"""`--report`: from what a command was given to the page about it."""
+"""`--report`: the page about what a command found."""
 
 from __future__ import annotations
 
 import shlex
 from collections.abc import Sequence
 from dataclasses import replace
-from datetime import UTC, datetime
-from pathlib import Path
-from typing import TYPE_CHECKING
 
 from retrue.cli.command import Outcome
 from retrue.cli.terminal import terminal
 
-if TYPE_CHECKING:
-    from retrue.correspondences import Correspondences
-    from retrue.geometry.arrays import Image
-    from retrue.report.seen import SeenCapture
-
-LIBRARIES = ("retrue", "numpy", "scipy", "opencv-python-headless", "numba", "plotly")
-
-
-def seen_captures(paths: Sequence[Path], pattern: Path | None, points: Sequence[Correspondences]) -> list[SeenCapture]:
-    """What was decoded, with the photographs that it was decoded from."""
-    from retrue.report.seen import SeenCapture
-
-    return [
-        SeenCapture(path.name, decoded, _photograph(path, pattern)) for path, decoded in zip(paths, points, strict=True)
-    ]
-
 
 def written_page(outcome: Outcome, arguments: Sequence[str]) -> Outcome:
     """Write the page of an outcome; returns the outcome, which then says so."""
-    from retrue.files.atomic import replaced_file
-    from retrue.report.page import Provenance, page_html
+    from retrue.pages import write_page
 
     if outcome.page is None:
         return outcome
     path, page = outcome.page
     terminal.detail("drawing the report")
-    made = datetime.now(UTC).isoformat(sep=" ", timespec="seconds")
-    html = page_html(page, Provenance(shlex.join(["retrue", *arguments]), made, _versions()))
-    with replaced_file(path) as stream:
-        stream.write(html.encode())
+    write_page(path, page, shlex.join(["retrue", *arguments]))
     return replace(
         outcome, report={**outcome.report, "page": str(path)}, text=f"{outcome.text}\n{path}: report written"
     )
-
-
-def _photograph(path: Path, pattern: Path | None) -> Image | None:
-    """The picture of a colour grid, or a Gray code's scene in white light; a table of points has none."""
-    from retrue.files.images import read_folder, read_image
-    from retrue.files.patterns import read_pattern
-    from retrue.patterns.gray_code import GrayCode
-
-    spec = None if pattern is None else read_pattern(pattern)
-    if path.is_dir() and isinstance(spec, GrayCode):
-        from retrue.decoding.gray.sequence import arrange
-
-        images, paths = read_folder(path)
-        return arrange(spec, images, [entry.name for entry in paths]).white
-    return None if path.suffix.lower() == ".csv" else read_image(path)
-
-
-def _versions() -> dict[str, str]:
-    import platform
-    from importlib.metadata import PackageNotFoundError, version
-
-    found = {"Python": platform.python_version()}
-    for name in LIBRARIES:
-        try:
-            found[name] = version(name)
-        except PackageNotFoundError:  # such as OpenCV under another of its names
-            continue
-    return found

@@ -93,7 +93,7 @@ def _write(simulated: Simulated, rig: Rig, folder: Path, truth_file: Path) -> No
     import numpy as np
 
     from retrue.files.atomic import replaced_file
-    from retrue.files.png import write_png
+    from retrue.files.images import write_png
 
     for name, picture in simulated.pictures.items():
         write_png(folder / f"{name}.png", picture)

@@ -13,7 +13,6 @@ from retrue.cli.command import (
     PatternPath,
     ReportingCommand,
     RigPath,
-    read_captures,
     require_writable,
 )
 
@@ -43,16 +42,14 @@ class Verify(ReportingCommand):
 
         require_writable(self.report)
         rig = read_rig(self.rig)
-        captures = read_captures(self.captures, self.pattern)
+        captures = self.read(self.captures, self.pattern)
         start = time.perf_counter()
-        verification = verify(rig, captures)
+        verification = verify(rig, [capture.points for capture in captures])
         report = verification_report(verification, time.perf_counter() - start)
         text = f"{verification.verdict}: {verification.reason}"
         page = None
         if self.report is not None:
-            from retrue.cli.report import seen_captures
             from retrue.report.verification_page import verification_page
 
-            seen = seen_captures(self.captures, self.pattern, captures)
-            page = (self.report, verification_page(rig, seen, verification))
+            page = (self.report, verification_page(rig, captures, verification))
         return Outcome(report, text, DONE if verification.verdict == "good" else REFUSED_OR_DRIFTED, page)

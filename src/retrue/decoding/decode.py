@@ -3,10 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from importlib import import_module
+
+import numpy as np
 
 from retrue.correspondences import Correspondences
-from retrue.errors import InputError
+from retrue.errors import InputError, require_kind, require_kinds
 from retrue.geometry.arrays import Image
+from retrue.patterns.color_grid import ColorGrid
 from retrue.patterns.gray_code import GrayCode
 from retrue.patterns.pattern import Pattern
 
@@ -32,7 +36,9 @@ def decode(pattern: Pattern, images: Image | Sequence[Image], *, names: Sequence
     CaptureError
         the pictures do not belong together or do not show this pattern; names the picture.
     """
-    pictures: list[Image] = [images] if hasattr(images, "ndim") else list(images)  # type: ignore[list-item]
+    require_kind(pattern, (ColorGrid, GrayCode), "pattern", "retrue.read_pattern reads one")
+    pictures = [images] if isinstance(images, np.ndarray) else images
+    require_kinds(pictures, np.ndarray, "images", "retrue.read_image reads one, and retrue.read_capture decodes files")
     if isinstance(pattern, GrayCode):
         from retrue.decoding.gray.decode_gray_code import decode_gray_code
 
@@ -44,3 +50,9 @@ def decode(pattern: Pattern, images: Image | Sequence[Image], *, names: Sequence
     from retrue.decoding.blocks.decode_color_grid import decode_color_grid
 
     return decode_color_grid(pattern, *pictures)
+
+
+def import_decoder(pattern: Pattern) -> None:
+    """Import what `decode` needs for such a pattern, as it otherwise does at its first call."""
+    name = "gray.decode_gray_code" if isinstance(pattern, GrayCode) else "blocks.decode_color_grid"
+    import_module(f"retrue.decoding.{name}")

@@ -19,9 +19,9 @@ from retrue.geometry.triangulation import triangulate_linear
 
 METHODS = ("paper, as written", "paper, both signs of t", "retrue")
 SPREADS = (0.1, 0.3, 0.5, 0.8)  # half width of the picture in units of the focal length
-POINTS = (4, 20, 100)
+POINT_COUNTS = (4, 20, 100)
 SAME = 1e-5
-MOST = 4  # solutions that any of the methods can give
+MOST_POSES = 4  # solutions that any of the methods can give
 
 
 @dataclass(frozen=True, slots=True)
@@ -41,13 +41,13 @@ def ambiguity(
     -t with -n. Table columns: shares of configurations in percent, with so many solutions; `truth` is how often the
     true pose is among them, `false` how often one is that does not reproduce the homography.
     """
-    cells = [Cell(points, spread) for points, spread in product(POINTS, SPREADS)]
+    cells = [Cell(points, spread) for points, spread in product(POINT_COUNTS, SPREADS)]
     results = run_trials(_trial, cells, trials, seed, workers=workers, progress=progress)
     rows: list[tuple[str | float | int, ...]] = []
     for cell, found in zip(cells, results, strict=True):
         for k, method in enumerate(METHODS):
             count, truth, false = found[:, k].T
-            shares = [100 * np.count_nonzero(count == solutions) / len(count) for solutions in range(MOST + 1)]
+            shares = [100 * np.count_nonzero(count == solutions) / len(count) for solutions in range(MOST_POSES + 1)]
             one_or_two = shares[1] + shares[2]
             rows.append(
                 (
@@ -60,7 +60,7 @@ def ambiguity(
                     100 * float(false.mean()),
                 )
             )
-    names = tuple(str(solutions) for solutions in range(MOST + 1))
+    names = tuple(str(solutions) for solutions in range(MOST_POSES + 1))
     table = Table("ambiguity", ("points", "spread", "method", *names, "1 or 2", "truth", "false"), rows)
     panels = tuple(
         Panel(title, "half width of the points, in focal lengths", "share of configurations, %", _lines(table, column))

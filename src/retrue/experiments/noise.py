@@ -7,10 +7,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from retrue.experiments.peers import eight_point_poses, longuet_higgins_poses
 from retrue.experiments.study import Cell as Number
 from retrue.experiments.study import Line, Panel, Study, Table
 from retrue.experiments.trials import Progress, run_trials
-from retrue.experiments.two_view_references import eight_point_poses, longuet_higgins_poses
 from retrue.geometry.arrays import FloatArray
 from retrue.geometry.homography import fit_homography, fit_homography_linear
 from retrue.geometry.paper_solver import paper_pose_candidates
@@ -18,12 +18,12 @@ from retrue.geometry.planar_pose import planar_pose_candidates
 from retrue.geometry.transform import rotation_from_vector
 
 FOCAL_PX = 1000.0
-POINTS = 50
-NOISE_PX = tuple(round(0.1 * k, 1) for k in range(11))
+POINTS_A_SCENE = 50
+NOISE_LEVELS_PX = tuple(round(0.1 * k, 1) for k in range(11))
 SOLVERS = ("paper", "Longuet-Higgins", "retrue")
 FITS = ("plain (14)", "maximum likelihood")
 EIGHT_POINT = ("eight-point, on the plane", "eight-point, off any plane")
-METHODS = (*(f"{solver}, H {fit}" for fit in FITS for solver in SOLVERS), *EIGHT_POINT)
+PAPER_METHODS = (*(f"{solver}, H {fit}" for fit in FITS for solver in SOLVERS), *EIGHT_POINT)
 
 Pose = tuple[FloatArray, FloatArray]
 
@@ -39,7 +39,7 @@ def noise(
     trials: int = 500,
     seed: int = 0,
     *,
-    levels: Sequence[float] = NOISE_PX,
+    levels: Sequence[float] = NOISE_LEVELS_PX,
     workers: int | None = None,
     progress: Progress | None = None,
 ) -> Study:
@@ -52,7 +52,7 @@ def noise(
     results = run_trials(_trial, cells, trials, seed, workers=workers, progress=progress)
     rows: list[tuple[Number, ...]] = []
     for cell, errors in zip(cells, results, strict=True):
-        for k, method in enumerate(METHODS):
+        for k, method in enumerate(PAPER_METHODS):
             mean, deviation = 100 * errors[:, k].mean(axis=0), 100 * errors[:, k].std(axis=0)
             rows.append((cell.noise_px, method, mean[0], deviation[0], mean[1], deviation[1]))
     columns = ("noise_px", "method", "rotation_mean", "rotation_sd", "translation_mean", "translation_sd")
@@ -68,7 +68,7 @@ def noise(
 
 def _lines(table: Table, name: str) -> list[Line]:
     lines: list[Line] = []
-    for method in METHODS:
+    for method in PAPER_METHODS:
         part = table.where(method=method)
         if method != EIGHT_POINT[0]:  # off the chart
             x, y = ([float(value) for value in part.column(key)] for key in ("noise_px", f"{name}_mean"))
@@ -90,9 +90,9 @@ def _trial(cell: Cell, rng: np.random.Generator) -> FloatArray:
         @ rotation_from_vector([np.pi / 8, 0, 0])
     )
     t = np.array([8.0, 4.0, 1.0]) / 9
-    xy = rng.uniform(-1.5, 1.5, (POINTS, 2))
+    xy = rng.uniform(-1.5, 1.5, (POINTS_A_SCENE, 2))
     on_plane = np.column_stack([xy, xy @ [1.0, 2.0] + 10])
-    off_plane = np.column_stack([xy, rng.uniform(6, 14, POINTS)])
+    off_plane = np.column_stack([xy, rng.uniform(6, 14, POINTS_A_SCENE)])
     sigma = cell.noise_px / FOCAL_PX
     x, y = _seen(on_plane, R, t, sigma, rng)
     general = _seen(off_plane, R, t, sigma, rng)

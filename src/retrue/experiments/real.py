@@ -22,7 +22,7 @@ from retrue.recalibration.result import Accepted
 from retrue.rig import Rig
 
 NOISE_PX = 0.25
-MOST_POINTS = 4000  # evenly at random, the same for everybody
+MOST_COMPARED = 4000  # evenly at random, the same for everybody
 OUR_JOB = "retrue recalibrate"
 
 
@@ -42,7 +42,7 @@ def real(rig: Rig, captures: Mapping[str, Correspondences], *, trials: int = 1, 
             poses = methods(NOISE_PX) if part == "largest plane" else _relative(methods(NOISE_PX))
             errors: dict[str, list[tuple[float, float]]] = {method: [] for method in (*poses, OUR_JOB)}
             for _ in range(trials):
-                drawn = points.select(np.sort(rng.choice(len(points), min(MOST_POINTS, len(points)), replace=False)))
+                drawn = points.select(np.sort(rng.choice(len(points), min(MOST_COMPARED, len(points)), replace=False)))
                 for method, solve in poses.items():
                     errors[method].append(_error(_attempt(solve, pinhole, drawn), pinhole))
                 errors[OUR_JOB].append(_error(_ours(pinhole, [drawn]), pinhole))

@@ -11,10 +11,9 @@ from typing import TypeVar
 import numpy as np
 
 from retrue.geometry.arrays import FloatArray
-from retrue.geometry.compiled import load_kernels
 
 C = TypeVar("C")
-CHUNK = 50  # trials that share one random stream
+TRIALS_A_STREAM = 50  # trials that share one random stream
 
 Trial = Callable[[C, np.random.Generator], FloatArray]
 Progress = Callable[[int, int], None]
@@ -38,10 +37,10 @@ def run_trials(
     workers : processes; all cores if None, this process alone if 1.
     progress : called with the number of chunks done and in all.
     """
-    chunks = -(-trials // CHUNK)
+    chunks = -(-trials // TRIALS_A_STREAM)
     streams = np.random.SeedSequence(seed).spawn(len(cells) * chunks)
     jobs = [
-        (trial, cell, min(CHUNK, trials - CHUNK * k), streams[index * chunks + k])
+        (trial, cell, min(TRIALS_A_STREAM, trials - TRIALS_A_STREAM * k), streams[index * chunks + k])
         for index, cell in enumerate(cells)
         for k in range(chunks)
     ]
@@ -55,7 +54,6 @@ def run_trials(
             progress(len(done), len(jobs))
 
     if workers == 1:
-        load_kernels()
         for job in jobs:
             collect(_run(job))
     else:
@@ -72,7 +70,6 @@ def _run(job: tuple[Trial[C], C, int, np.random.SeedSequence]) -> FloatArray:
 
 
 def _start_worker() -> None:
-    load_kernels()
     from retrue.experiments.peers import single_threaded
 
     single_threaded()

@@ -20,7 +20,7 @@ from retrue.recalibration.recalibrate import recalibrate
 from retrue.recalibration.result import Accepted, Refused
 from retrue.rig import Rig
 
-POINTS = 300
+POINTS_ON_WALL = 300
 NOISE_PX = 0.3
 UNKNOWN_DRIFT = 180.0
 
@@ -151,8 +151,8 @@ def _random_rig(rng: np.random.Generator) -> tuple[Rig, FloatArray]:
 def _capture(cell: Cell, rig: Rig, normal: FloatArray, rng: np.random.Generator) -> Correspondences | None:
     """Points of the scene, seen with noise; None where the devices do not share enough of it."""
     middle = np.array(rig.camera.size) / 2 - 0.5
-    camera_px = middle + cell.span * np.array(rig.camera.size) * rng.uniform(-0.5, 0.5, (POINTS, 2))
-    rays = np.column_stack([rig.camera.unproject(camera_px), np.ones(POINTS)])
+    camera_px = middle + cell.span * np.array(rig.camera.size) * rng.uniform(-0.5, 0.5, (POINTS_ON_WALL, 2))
+    rays = np.column_stack([rig.camera.unproject(camera_px), np.ones(POINTS_ON_WALL)])
     with np.errstate(divide="ignore"):
         depth = 1 / (rays @ normal)
     if cell.second_plane_deg:
@@ -168,9 +168,9 @@ def _capture(cell: Cell, rig: Rig, normal: FloatArray, rng: np.random.Generator)
     points = rays * depth[:, None]
     projector_px = rig.projector.project(rig.projector_from_camera.apply(points))
     seen = (depth > 0) & rig.projector.contains(np.nan_to_num(projector_px, nan=-1e9))
-    if np.count_nonzero(seen) < 0.5 * POINTS:
+    if np.count_nonzero(seen) < 0.5 * POINTS_ON_WALL:
         return None
-    noise = rng.normal(0, NOISE_PX, (2, POINTS, 2))
+    noise = rng.normal(0, NOISE_PX, (2, POINTS_ON_WALL, 2))
     return Correspondences((camera_px + noise[0])[seen], (projector_px + noise[1])[seen])
 
 

@@ -4,9 +4,11 @@ from __future__ import annotations
 
 from pathlib import Path
 
+from retrue.capture import Capture
 from retrue.correspondences import Correspondences
-from retrue.errors import CaptureError, FileError
+from retrue.errors import CaptureError, FileError, require_kind, require_path
 from retrue.files.images import read_folder, read_image
+from retrue.geometry.arrays import Image
 from retrue.patterns.color_grid import ColorGrid
 from retrue.patterns.gray_code import GrayCode
 from retrue.patterns.pattern import Pattern
@@ -27,43 +29,54 @@ def read_capture(path: str | Path, pattern: Pattern | None = None) -> Correspond
     FileError
         no such file, or one that cannot be read.
     """
-    path = Path(path)
+    return load_capture(path, pattern, keep_photograph=False).points
+
+
+def load_capture(path: str | Path, pattern: Pattern | None = None, *, keep_photograph: bool = True) -> Capture:
+    """The same, with what else the files tell; a photograph takes memory, so keep those that will be shown."""
+    path = require_path(path, "read_capture(path, pattern)")
+    if pattern is not None:
+        require_kind(pattern, (ColorGrid, GrayCode), "pattern", "retrue.read_pattern reads one")
     if path.is_dir():
-        return _read_pictures(path, pattern)
-    if not path.exists():
+        points, photograph = _read_sequence(path, pattern)
+    elif not path.exists():
         raise FileError(path, "no such file or folder")
-    if path.suffix.lower() == ".csv":
+    elif path.suffix.lower() == ".csv":
         from retrue.files.points import read_points
 
-        return read_points(path)
-    return _read_picture(path, pattern)
+        return Capture(path.name, read_points(path), path=path)
+    else:
+        points, photograph = _read_grid(path, pattern)
+    height, width = photograph.shape[:2]
+    return Capture(path.name, points, photograph if keep_photograph else None, (width, height), path)
 
 
-def _read_pictures(path: Path, pattern: Pattern | None) -> Correspondences:
+def _read_sequence(path: Path, pattern: Pattern | None) -> tuple[Correspondences, Image]:
+    """The points, and the scene in white light."""
     if pattern is None:
         raise CaptureError(path, "a folder of pictures needs the pattern that they show: give --pattern P.json")
     if not isinstance(pattern, GrayCode):
         raise CaptureError(path, "a folder of pictures is a Gray-code capture, but the pattern is a colour grid")
-    from retrue.decoding.decode import decode
+    from retrue.decoding.gray.decode_gray_code import decode_sequence
+    from retrue.decoding.gray.sequence import arrange
 
     images, paths = read_folder(path, color=(0, pattern.picture_count - 2))
     try:
-        return decode(pattern, images, names=[entry.name for entry in paths])
+        sequence = arrange(pattern, images, [entry.name for entry in paths])
+        return decode_sequence(pattern, sequence), sequence.color
     except CaptureError as error:
         raise CaptureError(path, error.problem) from error
 
 
-def _read_picture(path: Path, pattern: Pattern | None) -> Correspondences:
+def _read_grid(path: Path, pattern: Pattern | None) -> tuple[Correspondences, Image]:
+    """The points, and the picture."""
     if pattern is None:
         raise CaptureError(path, "a picture needs the pattern that it shows: give --pattern P.json")
     if not isinstance(pattern, ColorGrid):
         raise CaptureError(
             path, "one picture is a colour-grid capture, but the pattern is a Gray code: give its folder"
         )
-    from retrue.decoding.decode import decode
+    from retrue.decoding.blocks.decode_color_grid import decode_color_grid
 
     image = read_image(path)
-    try:
-        return decode(pattern, image, names=[path.name])
-    except CaptureError as error:
-        raise CaptureError(path, error.problem) from error
+    return decode_color_grid(pattern, image), image

@@ -12,8 +12,8 @@ from pathlib import Path
 
 from retrue.errors import FileError
 
-PATIENCE = 30.0  # seconds; nobody holds a lock for longer than it takes to write a few files
-PAUSE = 0.01  # seconds between two tries
+LOCK_PATIENCE = 30.0  # seconds; nobody holds a lock for longer than it takes to write a few files
+RETRY_PAUSE = 0.01  # seconds between two tries
 
 if sys.platform == "win32":
     import msvcrt
@@ -39,7 +39,7 @@ else:
 
 
 @contextmanager
-def locked(path: Path, handle: int, patience: float = PATIENCE) -> Generator[None]:
+def locked(path: Path, handle: int, patience: float = LOCK_PATIENCE) -> Generator[None]:
     """Hold an open file alone, against all others that open it and ask for it in the same way.
 
     Raises `FileError`, naming `path`, when it stays taken for `patience` seconds.
@@ -52,7 +52,7 @@ def locked(path: Path, handle: int, patience: float = PATIENCE) -> Generator[Non
         except OSError as error:
             if time.monotonic() >= end:
                 raise FileError(path, f"in use by another process ({error.strerror}); try again later") from error
-            time.sleep(PAUSE)
+            time.sleep(RETRY_PAUSE)
     try:
         yield
     finally:
@@ -60,7 +60,7 @@ def locked(path: Path, handle: int, patience: float = PATIENCE) -> Generator[Non
 
 
 @contextmanager
-def held_file(path: Path, patience: float = PATIENCE) -> Generator[io.FileIO]:
+def held_file(path: Path, patience: float = LOCK_PATIENCE) -> Generator[io.FileIO]:
     """A file open for reading and appending, made where it is not there, and held alone.
 
     A holder may remove it: who waited for it then opens another. Raises `FileError`.

@@ -12,7 +12,7 @@ from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any, Literal, cast, get_args
 
-from retrue.errors import FileError, InputError
+from retrue.errors import FileError, InputError, require_kind, require_path
 from retrue.files.append_log import AppendLog, opened_log, read_log
 from retrue.files.atomic import replaced_file
 from retrue.files.images import picture_paths
@@ -20,12 +20,14 @@ from retrue.files.rig_json import rig_from_json, rig_to_json
 from retrue.files.rigs import read_rig
 from retrue.recalibration.result import Accepted
 from retrue.rig import Rig
+from retrue.shown import ShortRepr, Shown
+from retrue.values import ByValue
 
 Action = Literal["found", "recalibrated", "rolled back"]
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class HistoryEntry:
+@dataclass(frozen=True, slots=True, eq=False, repr=False)
+class HistoryEntry(ByValue, ShortRepr):
     """One rig that was put in place.
 
     Attributes
@@ -47,6 +49,12 @@ class HistoryEntry:
     captures: Sequence[Mapping[str, str]] = ()
     restored: int | None = None
 
+    def _shown(self) -> Shown:
+        rows = {"rig": self.rig.projector_from_camera.shown_title}
+        if "reason" in self.evidence:
+            rows["reason"] = str(self.evidence["reason"])
+        return f"{self.id}, {self.action} {self.time:%Y-%m-%d %H:%M} UTC", rows
+
 
 def history_path(rig_path: str | Path) -> Path:
     """Where the history of a rig file is; a link to a rig shares the history of the rig.
@@ -60,7 +68,7 @@ def history_path(rig_path: str | Path) -> Path:
 
 def read_history(rig_path: str | Path) -> list[HistoryEntry]:
     """All entries, oldest first; none where there is no history. Raises `FileError`."""
-    path = history_path(rig_path)
+    path = history_path(require_path(rig_path, "read_history(rig_path)"))
     return _entries(path, read_log(path))
 
 
@@ -88,7 +96,8 @@ def write_in_place(rig_path: str | Path, result: Accepted, captures: Sequence[Ma
     leaves the old rig, or the new, and a history that has every entry. Where the entry or the rig cannot be
     written, a `FileError` says so and neither has changed.
     """
-    path = _writable(rig_path)
+    path = _writable(require_path(rig_path, "write_in_place(rig_path, result)"))
+    require_kind(result, Accepted, "result")
     with opened_log(history_path(path)) as log:
         return _put(path, log, result.rig, "recalibrated", _evidence(result), captures, None)
 
@@ -99,7 +108,7 @@ def roll_back(rig_path: str | Path, entry_id: int | None = None) -> HistoryEntry
     Without an id it is the one before the rig in place, and again the one before that when called again.
     Raises `InputError` where there is no such entry, `FileError` where nothing can be written.
     """
-    path = _writable(rig_path)
+    path = _writable(require_path(rig_path, "roll_back(rig_path)"))
     with opened_log(history_path(path)) as log:
         entries = _entries(log.path, log.documents)
         target = _before(path, entries) if entry_id is None else _with_id(log.path, entries, entry_id)

@@ -1,4 +1,4 @@
-"""Pictures from files and folders."""
+"""Pictures from files and folders, and into PNG, which loses nothing."""
 
 from __future__ import annotations
 
@@ -10,9 +10,9 @@ from typing import cast
 
 import numpy as np
 
-from retrue.errors import CaptureError, FileError
+from retrue.errors import CaptureError, FileError, InputError, require_kind, require_path
+from retrue.files.atomic import read_bytes, replaced_file
 from retrue.files.image_header import PNG, ImageHeader, png_is_whole, read_image_header
-from retrue.files.text import read_bytes
 from retrue.geometry.arrays import Image
 
 SUFFIXES = frozenset({".png", ".jpg", ".jpeg", ".bmp", ".tif", ".tiff"})
@@ -45,7 +45,7 @@ def read_image(path: str | Path, *, grey: bool = False) -> Image:
         no such file, not a picture, cut short, or larger than 200 megapixels (which it tells before any
         memory is taken).
     """
-    path = Path(path)
+    path = require_path(path, "read_image(path)")
     return _decoded(path, _checked_header(path), grey)
 
 
@@ -158,3 +158,22 @@ def _decoded(path: Path, header: ImageHeader, grey: bool) -> Image:
     if image.dtype.name not in ("uint8", "uint16"):
         raise FileError(path, f"expected 8 or 16 bits a channel, found {image.dtype}")
     return image if image.ndim == 2 else np.ascontiguousarray(image[..., ::-1])
+
+
+def write_png(path: str | Path, image: Image) -> None:
+    """Write a grey or red-green-blue picture, uint8 or uint16, whole or not at all; every pixel reads back as it is.
+
+    Raises
+    ------
+    InputError : not such an array. `FileError` : the file cannot be written.
+    """
+    import cv2
+
+    path = require_path(path, "write_png(path, image)")
+    require_kind(image, np.ndarray, "image")
+    grey = image.ndim == 2
+    if not (image.size and image.dtype.name in ("uint8", "uint16") and (grey or image.shape[2:] == (3,))):
+        raise InputError(f"picture: expected grey or RGB of uint8 or uint16, found {image.shape} of {image.dtype}")
+    _, content = cv2.imencode(".png", image if grey else cv2.cvtColor(image, cv2.COLOR_RGB2BGR))
+    with replaced_file(path) as stream:
+        stream.write(content.tobytes())

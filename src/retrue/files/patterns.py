@@ -8,10 +8,9 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any, cast
 
-from retrue.errors import FileError, InputError
-from retrue.files.atomic import replaced_file
+from retrue.errors import FileError, InputError, require_kind, require_path
+from retrue.files.atomic import read_text, replaced_file
 from retrue.files.rig_json import parse_json, shown
-from retrue.files.text import read_text
 from retrue.patterns.color_grid import ColorGrid
 from retrue.patterns.gray_code import MAX_PROJECTOR_SIDE, ORDER, GrayCode
 from retrue.patterns.pattern import Pattern
@@ -29,7 +28,7 @@ def read_pattern(path: str | Path) -> Pattern:
     FileError
         no such file, no JSON, a key missing, a value of the wrong type or out of range.
     """
-    path = Path(path)
+    path = require_path(path, "read_pattern(path)")
     spec = _read_object(path)
     try:
         if spec.get("format") != "retrue-pattern":
@@ -48,6 +47,8 @@ def read_pattern(path: str | Path) -> Pattern:
 
 def write_pattern(path: str | Path, pattern: Pattern) -> None:
     """Write the spec as JSON, whole or not at all."""
+    path = require_path(path, "write_pattern(path, pattern)")
+    require_kind(pattern, (ColorGrid, GrayCode), "pattern")
     spec: dict[str, Any] = {"format": "retrue-pattern", "version": 1}
     if isinstance(pattern, GrayCode):
         spec |= {"kind": "gray-code", "projector_size": pattern.projector_size, "order": ORDER}

@@ -8,10 +8,9 @@ from typing import Any, NamedTuple, NoReturn
 
 import numpy as np
 
-from retrue.correspondences import Correspondences
-from retrue.errors import FileError
-from retrue.files.atomic import replaced_file
-from retrue.files.text import read_text
+from retrue.correspondences import Correspondences, require_points
+from retrue.errors import FileError, require_path
+from retrue.files.atomic import read_text, replaced_file
 from retrue.geometry.arrays import FloatArray
 
 REQUIRED = ("camera_x", "camera_y", "projector_x", "projector_y")
@@ -41,6 +40,8 @@ OPTIONAL = {
 
 def write_points(path: str | Path, points: Correspondences) -> None:
     """One row a point, exact to the last bit; the optional fields that the points have follow the four columns."""
+    path = require_path(path, "write_points(path, points)")
+    require_points(points)
     names: list[str] = [*REQUIRED]
     columns = [*points.camera_px.T, *points.projector_px.T]
     for name, field in OPTIONAL.items():
@@ -62,6 +63,7 @@ def read_points(path: str | Path) -> Correspondences:
     ------
     FileError : not such a file, or a row that is short, not a number, NaN, infinite or out of range: names the line.
     """
+    path = require_path(path, "read_points(path)")
     names, body = _header_and_body(path)
     missing = [name for name in REQUIRED if name not in names]
     if missing:

@@ -17,7 +17,7 @@ from retrue.geometry.camera import Camera
 from retrue.geometry.transform import RigidTransform
 from retrue.rig import Rig
 
-FORMAT = "retrue-rig"
+RIG_FORMAT = "retrue-rig"
 VERSION = 1
 LONGEST_UNIT = 40  # characters
 LONGEST_SHOWN = 40
@@ -35,7 +35,7 @@ def parse_json(path: Path, text: str) -> dict[str, Any]:
 
 
 def rig_from_json(path: Path, document: Mapping[str, Any]) -> Rig:
-    """The rig in a parsed document of `FORMAT`; a `FileError` names file and key."""
+    """The rig in a parsed document of `RIG_FORMAT`; a `FileError` names file and key."""
     version = document.get("version")
     if type(version) is not int or version != VERSION:
         raise FileError(path, f"version: expected {VERSION}, found {shown(version)}; a newer retrue may read it")
@@ -61,7 +61,7 @@ def rig_to_json(rig: Rig) -> str:
     """The document, one member a line; every number reads back to the last bit."""
     pose = rig.projector_from_camera
     members = {
-        "format": FORMAT,
+        "format": RIG_FORMAT,
         "version": VERSION,
         "unit": rig.unit,
         "camera": _camera_members(rig.camera),

@@ -4,14 +4,11 @@ from __future__ import annotations
 
 from pathlib import Path
 
-import numpy as np
-
-from retrue.errors import FileError, InputError
-from retrue.files.atomic import replaced_file
+from retrue.errors import FileError, InputError, require_path
+from retrue.files.atomic import read_text, replaced_file
 from retrue.files.device_formats import camera_from_mrcal, camera_from_ros, is_mrcal, is_ros, mrcal_text, ros_text
-from retrue.files.rig_json import FORMAT, LONGEST_UNIT, parse_json, rig_from_json, rig_to_json
+from retrue.files.rig_json import LONGEST_UNIT, RIG_FORMAT, parse_json, rig_from_json, rig_to_json
 from retrue.files.storage import Storage, Syntax, parse_storage, storage_text
-from retrue.files.text import read_text
 from retrue.files.tool_formats import (
     TOOL_FORMATS,
     Role,
@@ -24,7 +21,7 @@ from retrue.files.tool_formats import (
 )
 from retrue.geometry.camera import Camera
 from retrue.geometry.transform import RigidTransform
-from retrue.rig import Rig
+from retrue.rig import Rig, require_rig
 
 LARGEST_RIG_FILE = 4 * 2**20  # bytes; as parsed JSON up to thirty times as much
 DEVICE_FORMATS = ("ros-camera", "ros-projector", "mrcal-camera", "mrcal-projector")
@@ -47,7 +44,7 @@ def read_rig(
     FileError : names the file, and the key that is missing or wrong; or the argument to give, or the one that
         contradicts the file.
     """
-    path = Path(path)
+    path = require_path(path, "read_rig(path)")
     if unit is not None and not (unit.strip() and unit.isprintable() and len(unit) <= LONGEST_UNIT):
         raise InputError(f'unit: expected the name of the unit of length, such as "mm", found {unit[:LONGEST_UNIT]!r}')
     content = _content(path)
@@ -67,7 +64,7 @@ def read_device(path: str | Path, role: Role, *, size: Size | None = None) -> Ca
 
     `size` is needed where the format does not store it. Raises `FileError`.
     """
-    path = Path(path)
+    path = require_path(path, "read_device(path, role)")
     content = _content(path)
     if isinstance(content, Storage):
         return camera_from_storage(content, recognise(content), role, size)
@@ -84,7 +81,8 @@ def write_rig(path: str | Path, rig: Rig, to: str = "retrue") -> tuple[str, ...]
     Returns what that format cannot hold and so is lost, for the caller to say. Raises `InputError` for a rig that
     the format cannot express, `FileError` where the file cannot be written.
     """
-    path = Path(path)
+    path = require_path(path, "write_rig(path, rig)")
+    require_rig(rig)
     if to not in RIG_FORMATS:
         raise InputError(f"format: expected one of {', '.join(RIG_FORMATS)}, found {to!r}")
     content, lost = _text(rig, to, SYNTAXES.get(path.suffix.lower()))
@@ -97,7 +95,7 @@ def _content(path: Path) -> Rig | Camera | Storage:
     text = read_text(path, LARGEST_RIG_FILE)
     if is_mrcal(text):
         return camera_from_mrcal(path, text)
-    if text.lstrip().startswith("{") and (document := parse_json(path, text)).get("format") == FORMAT:
+    if text.lstrip().startswith("{") and (document := parse_json(path, text)).get("format") == RIG_FORMAT:
         return rig_from_json(path, document)
     storage = parse_storage(path, text)
     return camera_from_ros(storage) if is_ros(storage) else storage
@@ -113,8 +111,7 @@ def _text(rig: Rig, to: str, syntax: Syntax | None) -> tuple[str, tuple[str, ...
         other = "projector" if role == "camera" else "camera"
         if tool == "ros":
             return ros_text(camera, role), (other, "projector_from_camera", "unit", *evidence)
-        identity = RigidTransform(np.eye(3), np.zeros(3))
-        pose = identity if role == "camera" else rig.projector_from_camera
+        pose = RigidTransform.identity() if role == "camera" else rig.projector_from_camera
         return mrcal_text(camera, pose), (other, "unit", *evidence)
     tool = next(tool for tool in TOOL_FORMATS if tool.name == to)
     sizes = (("camera size", tool.camera_size), ("projector size", tool.projector_size))

@@ -12,20 +12,19 @@ import numpy as np
 from retrue.cad.model import CadModel, Outline
 from retrue.cad.spline import DEGREE, SplineSurface
 from retrue.cad.surfaces import PlaneSurface, SphereSurface, Surface
-from retrue.errors import DegenerateError, FileError, InputError
+from retrue.errors import DegenerateError, FileError, InputError, require_kind, require_path
 from retrue.files.atomic import replaced_file
 from retrue.geometry.arrays import FloatArray
-from retrue.units import metres_per
+from retrue.units import millimetres_per
 
 ENDINGS = (".step", ".stp")
-MM_PER_METRE = 1000.0
 
 
 def require_step(path: str | Path, unit: str) -> None:
     """What `write_step` would refuse before there is a model: the ending, the unit, OpenCASCADE not installed."""
     if Path(path).suffix.lower() not in ENDINGS:
         raise FileError(path, f"expected a CAD file that ends in {' or '.join(ENDINGS)}, found {Path(path).name!r}")
-    metres_per(unit)
+    millimetres_per(unit)
     _opencascade("gp")
 
 
@@ -38,8 +37,10 @@ def write_step(path: str | Path, model: CadModel) -> None:
     InputError : the length of the model's unit is not known, or OpenCASCADE is not installed.
     DegenerateError : OpenCASCADE calls a face of the model invalid.
     """
+    path = require_path(path, "write_step(path, model)")
+    require_kind(model, CadModel, "model")
     require_step(path, model.unit)
-    mm = MM_PER_METRE * metres_per(model.unit)
+    mm = millimetres_per(model.unit)
     faces: list[Any] = []
     for patch in model.patches:
         placed, scale = _surface(patch.surface, mm)

@@ -104,17 +104,6 @@ def parse_storage(path: Path, text: str) -> Storage:
     return Storage(path, entries)
 
 
-def storage_text(entries: Mapping[str, Value], syntax: Syntax) -> str:
-    """The file that OpenCV's FileStorage reads back: seventeen digits, so that no bit is lost."""
-    if syntax == "xml":
-        body = "".join(_xml_entry(name, value) for name, value in entries.items())
-        return f'<?xml version="1.0"?>\n<opencv_storage>\n{body}</opencv_storage>\n'
-    if syntax == "json":
-        body = ",\n".join(_json_entry(name, value) for name, value in entries.items())
-        return f"{{\n{body}\n}}\n"
-    return "%YAML:1.0\n---\n" + "".join(_yaml_entry(name, value) for name, value in entries.items())
-
-
 # Reading: every syntax gives entries of the same shape, by the fields of OpenCV's matrices; a plain value is `data`.
 
 Fields = Mapping[str, tuple[str, ...]]
@@ -182,42 +171,67 @@ def _shape(fields: Fields) -> tuple[int, ...] | None:
     return tuple(int(side) for side in sides) or None
 
 
-# Writing
+# Writing: every syntax is a layout, of the file, of a plain value and of a matrix.
+
+
+@dataclass(frozen=True, slots=True)
+class Layout:
+    """Templates, and what stands between two entries, between two numbers, and around a word."""
+
+    file: str
+    value: str
+    matrix: str
+    between: str
+    comma: str
+    quote: str
+
+
+LAYOUTS: dict[Syntax, Layout] = {
+    "yaml": Layout(
+        "%YAML:1.0\n---\n{entries}",
+        "{name}: {value}\n",
+        "{name}: !!opencv-matrix\n   rows: {rows}\n   cols: {cols}\n   dt: d\n   data: [ {data} ]\n",
+        between="",
+        comma=", ",
+        quote="",
+    ),
+    "xml": Layout(
+        '<?xml version="1.0"?>\n<opencv_storage>\n{entries}</opencv_storage>\n',
+        "<{name}>{value}</{name}>\n",
+        '<{name} type_id="opencv-matrix">\n  <rows>{rows}</rows>\n  <cols>{cols}</cols>\n  <dt>d</dt>\n'
+        "  <data>\n    {data}</data></{name}>\n",
+        between="",
+        comma=" ",
+        quote="",
+    ),
+    "json": Layout(
+        "{{\n{entries}\n}}\n",
+        '    "{name}": {value}',
+        '    "{name}": {{\n        "type_id": "opencv-matrix", "rows": {rows}, "cols": {cols}, "dt": "d",\n'
+        '        "data": [ {data} ]\n    }}',
+        between=",\n",
+        comma=", ",
+        quote='"',
+    ),
+}
+
+
+def storage_text(entries: Mapping[str, Value], syntax: Syntax) -> str:
+    """The file that OpenCV's FileStorage reads back: seventeen digits, so that no bit is lost."""
+    layout = LAYOUTS[syntax]
+    return layout.file.format(entries=layout.between.join(_entry(layout, *item) for item in entries.items()))
+
+
+def _entry(layout: Layout, name: str, value: Value) -> str:
+    if isinstance(value, np.ndarray):
+        rows, cols = (len(value), 1) if value.ndim == 1 else value.shape
+        data = layout.comma.join(map(_digits, value.ravel().tolist()))
+        return layout.matrix.format(name=name, rows=rows, cols=cols, data=data)
+    if isinstance(value, str):
+        value = f"{layout.quote}{value}{layout.quote}"
+    return layout.value.format(name=name, value=_digits(value) if isinstance(value, float) else value)
 
 
 def _digits(number: float) -> str:
     digits = f"{number:.17g}"
     return digits if any(mark in digits for mark in ".e") else f"{digits}.0"
-
-
-def _matrix(value: FloatArray) -> tuple[int, int, list[str]]:
-    matrix = value.reshape(-1, 1) if value.ndim == 1 else value
-    return matrix.shape[0], matrix.shape[1], [_digits(number) for number in matrix.ravel().tolist()]
-
-
-def _scalar(value: float | int | str) -> str:
-    return _digits(value) if isinstance(value, float) else str(value)
-
-
-def _yaml_entry(name: str, value: Value) -> str:
-    if not isinstance(value, np.ndarray):
-        return f"{name}: {_scalar(value)}\n"
-    rows, cols, digits = _matrix(value)
-    data = f"   data: [ {', '.join(digits)} ]\n"
-    return f"{name}: !!opencv-matrix\n   rows: {rows}\n   cols: {cols}\n   dt: d\n{data}"
-
-
-def _xml_entry(name: str, value: Value) -> str:
-    if not isinstance(value, np.ndarray):
-        return f"<{name}>{_scalar(value)}</{name}>\n"
-    rows, cols, digits = _matrix(value)
-    data = f"  <data>\n    {' '.join(digits)}</data></{name}>\n"
-    return f'<{name} type_id="opencv-matrix">\n  <rows>{rows}</rows>\n  <cols>{cols}</cols>\n  <dt>d</dt>\n{data}'
-
-
-def _json_entry(name: str, value: Value) -> str:
-    if not isinstance(value, np.ndarray):
-        return f'    "{name}": {_scalar(value) if not isinstance(value, str) else chr(34) + value + chr(34)}'
-    rows, cols, digits = _matrix(value)
-    head = f'        "type_id": "opencv-matrix", "rows": {rows}, "cols": {cols}, "dt": "d",\n'
-    return f'    "{name}": {{\n{head}        "data": [ {", ".join(digits)} ]\n    }}'

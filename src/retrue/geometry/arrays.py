@@ -35,12 +35,12 @@ def finite_array(value: ArrayLike, shape: tuple[int | None, ...], name: str) -> 
     return array
 
 
-def frozen_array(value: ArrayLike) -> FloatArray:
+def frozen_array(value: ArrayLike, dtype: type[np.generic] = np.float64) -> NDArray[Any]:
     """A read-only copy, for the fields of frozen dataclasses; itself where nobody can write to it."""
     array = np.asarray(value)
-    if array.dtype == np.float64 and array.flags.owndata and not array.flags.writeable:
+    if array.dtype == dtype and array.flags.owndata and not array.flags.writeable:
         return array
-    copy = np.array(array, dtype=np.float64)
+    copy = np.array(array, dtype=dtype)
     copy.setflags(write=False)
     return copy
 

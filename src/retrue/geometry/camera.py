@@ -12,12 +12,14 @@ from numpy.typing import ArrayLike
 
 from retrue.errors import InputError
 from retrue.geometry.arrays import BoolArray, FloatArray, finite_array, frozen_array
+from retrue.shown import ShortRepr, Shown, vector
+from retrue.values import ByValue
 
 DISTORTION_LENGTHS = (0, 4, 5, 8, 12)
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class Camera:
+@dataclass(frozen=True, slots=True, eq=False, repr=False)
+class Camera(ByValue, ShortRepr):
     """pixel ~ K distort(X / Z): m = alpha K X, eqs (3) and (4) of Zhang, Li, Wu 2007, with a lens.
 
     Attributes
@@ -124,6 +126,18 @@ class Camera:
         lens = np.stack([np.stack([a, b], axis=-1), np.stack([c, d], axis=-1)], axis=-2)
         return self.K[:2, :2] @ lens
 
+    def frustum(self, depth: float) -> FloatArray:
+        """Corners (4, 3) of the picture at that depth, its outer edge; what the lens model cannot reach, without it.
+
+        >>> Camera((4, 2), [[2, 0, 1.5], [0, 2, 0.5], [0, 0, 1]]).frustum(10.0)[2].tolist()
+        [10.0, 5.0, 10.0]
+        """
+        width, height = self.size
+        corners = np.array([[0, 0], [width, 0], [width, height], [0, height]]) - 0.5
+        rays = self.unproject(corners)
+        rays = np.where(np.isfinite(rays), rays, self.normalise(corners))
+        return np.column_stack([rays, np.ones(4)]) * depth
+
     def contains(self, pixels: ArrayLike, margin: float = 0.5) -> BoolArray:
         """Which pixels (..., 2) lie in the picture; its edge is half a pixel beyond the outer centres."""
         pixels = np.asarray(pixels, dtype=np.float64)
@@ -167,3 +181,9 @@ class Camera:
             thin_x, thin_y = 2 * (s1 + 2 * s2 * r2), 2 * (s3 + 2 * s4 * r2)
             a, b, c, d = a + thin_x * x, b + thin_x * y, c + thin_y * x, d + thin_y * y
         return (a, b), (c, d)
+
+    def _shown(self) -> Shown:
+        (width, height), (fx, skew, x), (_, fy, y) = self.size, self.K[0], self.K[1]
+        lens = ", ".join(f"{number:.3g}" for number in self.distortion) if self.distortion.any() else "none"
+        title = f"{width} x {height} px, focal lengths {vector([fx, fy], 5)}, centre {vector([x, y], 5)}"
+        return f"{title}{f', skew {skew:.3g}' if skew else ''}, distortion {lens}", {}

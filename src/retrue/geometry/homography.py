@@ -10,11 +10,11 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from retrue.errors import DegenerateError, InputError
-from retrue.geometry import compiled
 from retrue.geometry.arrays import FloatArray, finite_array
+from retrue.kernels import homography as kernel
 
 MINIMAL_POINTS = 4
-EQUAL_WEIGHTS = np.ones(0)
+NONE = np.empty(0)  # no weights: equal ones; no start: the linear fit
 SETTLED = 1e-6  # step of the normalised H; the next is a thousandth of it, and lost in rounding
 
 
@@ -60,14 +60,17 @@ def fit_homography(
     if not (source_sigma >= 0 and target_sigma >= 0 and source_sigma + target_sigma > 0):
         raise InputError(f"sigma: expected two numbers >= 0, not both zero, found {source_sigma} and {target_sigma}")
     H = np.empty((3, 3))
-    if _fit_compiled(source, target, weights, source_sigma, target_sigma, iterations, H):
-        return H
+    rest = source_sigma, target_sigma, iterations, SETTLED, H
+    try:
+        if kernel.fit_homography(source, target, NONE if weights is None else weights, NONE, *rest):
+            return H
+    except (TypeError, ValueError):  # not float64 arrays in C order
+        pass
     source, target, weights = _checked(source, target, weights)
-    source_frame, target_frame = _normalising_frame(source), _normalising_frame(target)
-    s, y = _transformed(source_frame, source), _transformed(target_frame, target)
-    H = _fit_linear(s, y, weights)
-    H = _refine(H, s, y, weights, source_sigma * source_frame[0, 0], target_sigma * target_frame[0, 0], iterations)
-    return _signed(np.linalg.inv(target_frame) @ H @ source_frame, source)
+    start = _fit_normalised(source, target, weights)[0].ravel()
+    if not kernel.fit_homography(source, target, NONE if weights is None else weights, start, *rest):
+        raise DegenerateError("homography: no finite fit; spread the points over a plane")
+    return H
 
 
 def fit_homography_linear(
@@ -84,8 +87,7 @@ def fit_homography_linear(
     source, target, weights = _checked(source, target, weights)
     if not normalised:
         return _signed(_fit_linear(source, target, weights), source)
-    source_frame, target_frame = _normalising_frame(source), _normalising_frame(target)
-    H = _fit_linear(_transformed(source_frame, source), _transformed(target_frame, target), weights)
+    H, source_frame, target_frame = _fit_normalised(source, target, weights)
     return _signed(np.linalg.inv(target_frame) @ H @ source_frame, source)
 
 
@@ -112,42 +114,32 @@ def homography_residuals(
     [3.535534]
     """
     with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
-        (dx, dy), (a, b, c) = _whitened(H, source, target, source_sigma, target_sigma)[:2]
+        (dx, dy), (a, b, c) = _whitened(H, source, target, source_sigma, target_sigma)
         return np.sqrt((c * dx * dx - 2 * b * dx * dy + a * dy * dy) / (a * c - b * b))
-
-
-def _fit_compiled(
-    source: ArrayLike,
-    target: ArrayLike,
-    weights: ArrayLike | None,
-    source_sigma: float,
-    target_sigma: float,
-    iterations: int,
-    H: FloatArray,
-) -> bool:
-    """Fill H by the compiled kernel; False where there is none, or where it leaves the answer to NumPy."""
-    if compiled.homography is None:
-        if weights is None:  # weighted fits are steps of one robust fit, not many homographies
-            compiled.asked(1)
-        return False
-    if weights is None:
-        weights = EQUAL_WEIGHTS
-    try:
-        return compiled.homography.fit_homography(
-            source, target, weights, source_sigma, target_sigma, iterations, SETTLED, H
-        )
-    except TypeError:  # not float64 arrays in C order
-        return False
 
 
 def _checked(
     source: ArrayLike, target: ArrayLike, weights: ArrayLike | None
 ) -> tuple[FloatArray, FloatArray, FloatArray | None]:
-    source = finite_array(source, (None, 2), "source points")
-    target = finite_array(target, (len(source), 2), "target points")
+    source = np.ascontiguousarray(finite_array(source, (None, 2), "source points"))
+    target = np.ascontiguousarray(finite_array(target, (len(source), 2), "target points"))
     if len(source) < MINIMAL_POINTS:
         raise InputError(f"homography: expected at least four points, found {len(source)}")
-    return source, target, None if weights is None else finite_array(weights, (len(source),), "weights")
+    if weights is None:
+        return source, target, None
+    weights = np.ascontiguousarray(finite_array(weights, (len(source),), "weights"))
+    if not weights.min() >= 0:
+        raise InputError(f"homography: expected weights >= 0, found {weights.min():g}")
+    return source, target, weights
+
+
+def _fit_normalised(
+    source: FloatArray, target: FloatArray, weights: FloatArray | None
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Linear H (3, 3) between points normalised by the two frames, and these."""
+    source_frame, target_frame = _normalising_frame(source), _normalising_frame(target)
+    H = _fit_linear(_transformed(source_frame, source), _transformed(target_frame, target), weights)
+    return H, source_frame, target_frame
 
 
 def _normalising_frame(points: FloatArray) -> FloatArray:
@@ -188,78 +180,16 @@ def _fit_linear(source: FloatArray, target: FloatArray, weights: FloatArray | No
 
 def _whitened(
     H: FloatArray, source: FloatArray, target: FloatArray, source_sigma: float, target_sigma: float
-) -> tuple[tuple[FloatArray, FloatArray], tuple[FloatArray, FloatArray, FloatArray], FloatArray, FloatArray]:
-    """Transfer error, its covariance ((a, b), (b, c)), d mapped / d source, and 1 / depth."""
+) -> tuple[tuple[FloatArray, FloatArray], tuple[FloatArray, FloatArray, FloatArray]]:
+    """Transfer error, and its covariance ((a, b), (b, c))."""
     mapped = source @ H[:, :2].T + H[:, 2]
     inverse_depth = 1 / mapped[:, 2]
     u, v = mapped[:, 0] * inverse_depth, mapped[:, 1] * inverse_depth
-    jacobian = np.empty((4, len(source)))
-    np.multiply(H[0, 0] - u * H[2, 0], inverse_depth, out=jacobian[0])
-    np.multiply(H[0, 1] - u * H[2, 1], inverse_depth, out=jacobian[1])
-    np.multiply(H[1, 0] - v * H[2, 0], inverse_depth, out=jacobian[2])
-    np.multiply(H[1, 1] - v * H[2, 1], inverse_depth, out=jacobian[3])
-    p, q, r, s = jacobian
+    p, q = (H[0, 0] - u * H[2, 0]) * inverse_depth, (H[0, 1] - u * H[2, 1]) * inverse_depth
+    r, s = (H[1, 0] - v * H[2, 0]) * inverse_depth, (H[1, 1] - v * H[2, 1]) * inverse_depth
     vs, vt = source_sigma**2, target_sigma**2
     covariance = (vt + vs * (p * p + q * q), vs * (p * r + q * s), vt + vs * (r * r + s * s))
-    return (target[:, 0] - u, target[:, 1] - v), covariance, jacobian, inverse_depth
-
-
-def _refine(
-    H: FloatArray,
-    source: FloatArray,
-    target: FloatArray,
-    weights: FloatArray | None,
-    source_sigma: float,
-    target_sigma: float,
-    iterations: int,
-) -> FloatArray:
-    """Gauss-Newton on the whitened transfer error, linearised at the corrected source points."""
-    scale = np.hypot(source_sigma, target_sigma)
-    source_sigma, target_sigma = source_sigma / scale, target_sigma / scale
-    H = np.divide(H, np.linalg.norm(H))
-    design = np.zeros((2 * len(source), 9))
-    corrected = source
-    for _ in range(iterations):
-        (dx, dy), (a, b, c), (p, q, r, s), inverse_depth = _whitened(H, corrected, target, source_sigma, target_sigma)
-        u, v = target[:, 0] - dx, target[:, 1] - dy
-        offset = source - corrected  # the error of the whole pair, seen at the corrected point
-        dx, dy = dx - p * offset[:, 0] - q * offset[:, 1], dy - r * offset[:, 0] - s * offset[:, 1]
-        determinant = a * c - b * b
-        ex, ey = (c * dx - b * dy) / determinant, (a * dy - b * dx) / determinant
-        if source_sigma > 0:
-            gain = source_sigma**2
-            corrected = source + gain * np.stack([p * ex + r * ey, q * ex + s * ey], axis=1)
-        # Whiten with the Cholesky factor of the inverse covariance: rows w1 = (l11, l12), w2 = (0, l22).
-        l22 = 1 / np.sqrt(c)
-        l11 = np.sqrt(c / determinant)
-        l12 = -b / np.sqrt(c * determinant)
-        if weights is not None:
-            root = np.sqrt(weights)
-            l11, l12, l22 = l11 * root, l12 * root, l22 * root
-        x, y = corrected.T if source_sigma > 0 else source.T
-        rows = (
-            np.concatenate([l11 * inverse_depth, 0 * l11]),
-            np.concatenate([l12 * inverse_depth, l22 * inverse_depth]),
-        )
-        x2, y2 = np.concatenate([x, x]), np.concatenate([y, y])
-        depth_row = -np.concatenate([(l11 * u + l12 * v) * inverse_depth, l22 * v * inverse_depth])
-        for column, row in zip((0, 3, 6), (*rows, depth_row), strict=True):
-            design[:, column], design[:, column + 1], design[:, column + 2] = row * x2, row * y2, row
-        residual = np.concatenate([l11 * dx + l12 * dy, l22 * dy])
-        normal = design.T @ design
-        h = H.ravel()
-        normal += float(np.trace(normal)) * np.outer(h, h)  # the scale of H is free: hold it
-        try:
-            step = np.linalg.solve(normal, design.T @ residual)
-        except np.linalg.LinAlgError as error:
-            raise DegenerateError("homography: the points do not determine it; spread them over a plane") from error
-        if not np.isfinite(step).all():
-            raise DegenerateError("homography: no finite fit; spread the points over a plane")
-        H = H + step.reshape(3, 3)
-        H = H / np.linalg.norm(H)
-        if np.abs(step).max() < SETTLED:
-            break
-    return H
+    return (target[:, 0] - u, target[:, 1] - v), covariance
 
 
 def _signed(H: FloatArray, source: FloatArray) -> FloatArray:

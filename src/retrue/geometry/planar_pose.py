@@ -12,17 +12,21 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from retrue.errors import DegenerateError, InputError
-from retrue.geometry import compiled
 from retrue.geometry.arrays import BoolArray, FloatArray, finite_array
+from retrue.geometry.transform import vector_from_rotation
+from retrue.kernels import planar_pose as kernel
+from retrue.shown import ShortRepr, Shown, counted, vector
+from retrue.values import ByValue
 
 SMALLEST_PARALLAX = 1e-9  # |t| / distance below which H is a rotation to rounding
 SMALLEST_DETERMINANT = 1e-14  # of an H of norm 1
-OPTICAL_AXIS = np.array([0.0, 0.0, 1.0])
+AHEAD = 0.0, 0.0, 1.0
+OPTICAL_AXIS = np.array(AHEAD)
 OPTICAL_AXIS.setflags(write=False)
 _new = object.__new__
 
 
-class PlanarPose:
+class PlanarPose(ShortRepr):
     """H ~ R + translation_over_distance normal^T; read-only.
 
     Attributes
@@ -41,9 +45,12 @@ class PlanarPose:
         self._rows[:3], self._rows[3], self._rows[4] = R, translation_over_distance, normal
         self._rows.setflags(write=False)
 
-    def __repr__(self) -> str:
-        R, t, normal = (part.tolist() for part in (self.R, self.translation_over_distance, self.normal))
-        return f"PlanarPose(R={R}, translation_over_distance={t}, normal={normal})"
+    def _shown(self) -> Shown:
+        rotation = vector(np.degrees(vector_from_rotation(self.R)))
+        return (
+            f"rotation {rotation} deg, t / d {vector(self.translation_over_distance)}, normal {vector(self.normal)}",
+            {},
+        )
 
     @property
     def R(self) -> FloatArray:
@@ -63,8 +70,8 @@ class PlanarPose:
         return self.R + np.outer(self.translation_over_distance, self.normal)
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class PlanarPoses:
+@dataclass(frozen=True, slots=True, eq=False, repr=False)
+class PlanarPoses(ByValue, ShortRepr):
     """Both poses of each of N homographies; see `PlanarPose`. NaN where a homography gives none.
 
     Attributes
@@ -79,6 +86,10 @@ class PlanarPoses:
 
     def __len__(self) -> int:
         return len(self.R)
+
+    def _shown(self) -> Shown:
+        without = int(np.isnan(self.R[:, 0, 0, 0]).sum())
+        return f"{counted(len(self), 'pair')}{f', {without} of NaN' if without else ''}", {}
 
 
 def planar_pose_candidates(
@@ -117,19 +128,15 @@ def planar_pose_candidates(
     >>> [pose.normal.round(6).tolist() for pose in poses]
     [[0.36, 0.48, 0.8], [-0.95499, -0.263215, 0.136793]]
     """
-    if viewing_ray is not OPTICAL_AXIS:
-        viewing_ray = np.ascontiguousarray(finite_array(viewing_ray, (3,), "viewing ray"))
-    rows, solved = np.empty((10, 3)), False
-    if compiled.planar_pose is None:
-        compiled.asked(1)
-    else:
-        try:
-            solved = compiled.planar_pose.planar_poses(homography, viewing_ray, rows)
-        except TypeError:  # not a float64 array in C order
-            solved = False
+    x, y, z = AHEAD if viewing_ray is OPTICAL_AXIS else finite_array(viewing_ray, (3,), "viewing ray").tolist()
+    rows = np.empty((10, 3))
+    try:
+        solved = kernel.planar_poses(homography, x, y, z, rows)
+    except (TypeError, ValueError):  # not a float64 array in C order
+        solved = False
     if not solved:
-        H = finite_array(homography, (3, 3), "homography")
-        rows = _rows(H[None], np.asarray(viewing_ray))[0]
+        H = np.ascontiguousarray(finite_array(homography, (3, 3), "homography"))
+        rows = _rows_of_stack(H[None], np.array([x, y, z]))[0]
         if np.isnan(rows[0, 0]):
             raise DegenerateError(_hopeless(H))
     rows.setflags(write=False)
@@ -149,23 +156,24 @@ def planar_pose_candidates_batch(homographies: ArrayLike, viewing_ray: ArrayLike
     [[0.835711, 0.0, 0.54917], [nan, nan, nan]]
     """
     stack = np.ascontiguousarray(homographies, dtype=np.float64)
-    x = np.ascontiguousarray(finite_array(viewing_ray, (3,), "viewing ray"))
+    x = finite_array(viewing_ray, (3,), "viewing ray")
     if stack.ndim != 3 or stack.shape[1:] != (3, 3):
         raise InputError(f"homographies: expected shape N x 3 x 3, found {' x '.join(map(str, stack.shape))}")
-    compiled.asked(len(stack))
-    if compiled.planar_pose is None:
-        rows = _rows(stack, x)
-    else:
-        rows = np.empty((len(stack), 10, 3))
-        if not compiled.planar_pose.planar_poses_of_stack(stack, x, rows):
-            doubtful = np.isnan(rows[:, 0, 0])
-            rows[doubtful] = _rows(stack[doubtful], x)
-    rows = rows.reshape(-1, 2, 5, 3)
+    rows = _rows_of_stack(stack, x).reshape(-1, 2, 5, 3)
     return PlanarPoses(rows[:, :, :3], rows[:, :, 3], rows[:, :, 4])
 
 
-def _rows(stack: FloatArray, x: FloatArray) -> FloatArray:
-    """(N, 10, 3) by singular values: R, t / d, normal of both poses of each; NaN where there are none."""
+def _rows_of_stack(stack: FloatArray, x: FloatArray) -> FloatArray:
+    """(N, 10, 3): R, t / d, normal of both poses of each; NaN where there are none."""
+    rows = np.empty((len(stack), 10, 3))
+    if not kernel.planar_poses_of_stack(stack, x[0], x[1], x[2], rows.reshape(-1, 3)):
+        doubtful = np.isnan(rows[:, 0, 0])
+        rows[doubtful] = _rows_by_singular_values(stack[doubtful], x)
+    return rows
+
+
+def _rows_by_singular_values(stack: FloatArray, x: FloatArray) -> FloatArray:
+    """The same where forming H H^T would cost too many digits."""
     with np.errstate(all="ignore"):
         H = stack / np.linalg.norm(stack, axis=(1, 2), keepdims=True)
         good = np.abs(np.linalg.det(H)) > SMALLEST_DETERMINANT

@@ -9,10 +9,14 @@ from numpy.typing import ArrayLike
 
 from retrue.errors import InputError
 from retrue.geometry.arrays import FloatArray, finite_array, frozen_array
+from retrue.shown import ShortRepr, Shown, figures, vector
+from retrue.values import ByValue
+
+ROUNDING = 1e-15  # a unit vector within that of length one stays as it is
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class Plane:
+@dataclass(frozen=True, slots=True, eq=False, repr=False)
+class Plane(ByValue, ShortRepr):
     """normal . X = distance, in the camera frame; the paper's n is normal / distance.
 
     Attributes
@@ -34,7 +38,7 @@ class Plane:
             raise InputError(
                 f"plane: expected a non-zero normal and a positive distance, found {normal} and {self.distance}"
             )
-        object.__setattr__(self, "normal", frozen_array(normal / length))
+        object.__setattr__(self, "normal", frozen_array(normal / length if abs(length - 1) > ROUNDING else normal))
         object.__setattr__(self, "distance", float(self.distance))
 
     @classmethod
@@ -48,3 +52,6 @@ class Plane:
     def n(self) -> FloatArray:
         """normal / distance, (3,)."""
         return self.normal / self.distance
+
+    def _shown(self) -> Shown:
+        return f"normal {vector(self.normal)}, distance {figures(self.distance, 4)}", {}

@@ -15,7 +15,10 @@ import numpy as np
 from retrue.geometry.arrays import FloatArray, IntArray
 from retrue.kernels import robust as kernel
 
-MEDIAN_CONSISTENCY = 1.4826  # standard deviation over median absolute value, of a normal variable
+MAD_TO_SIGMA = 1.4826
+"""Sigma of a normal distribution, in medians of the absolute deviation."""
+MEDIAN_DISTANCE = 1.1774
+"""Median length of two independent normal components, in their sigma."""
 QUARTILE = 0.3186  # the absolute value that a quarter of a standard normal stays below
 CUTOFF = 6.0  # of the noise; Tukey's biweight there keeps 98 % of the efficiency of least squares
 CONSISTENCY = 0.8924  # E[w r^2] / E[w] of a standard normal under that biweight
@@ -74,7 +77,7 @@ def median_level(values: FloatArray) -> float:
     >>> round(median_level(np.array([1.0, -2.0, 3.0, 40.0])), 4)
     3.7065
     """
-    return max(MEDIAN_CONSISTENCY * quantile(np.abs(values), 0.5), SMALLEST_LEVEL)
+    return max(MAD_TO_SIGMA * quantile(np.abs(values), 0.5), SMALLEST_LEVEL)
 
 
 def quantile(values: FloatArray, share: float) -> float:

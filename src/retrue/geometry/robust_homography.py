@@ -15,8 +15,10 @@ from numpy.typing import ArrayLike
 from retrue.errors import DegenerateError, InputError
 from retrue.geometry.arrays import BoolArray, FloatArray, finite_array
 from retrue.geometry.homography import MINIMAL_POINTS
-from retrue.geometry.robust import quantile
+from retrue.geometry.robust import MEDIAN_DISTANCE, quantile
 from retrue.kernels import robust_homography as kernel
+from retrue.shown import ShortRepr, Shown, figures, vector
+from retrue.values import ByValue
 
 QUICK = 40_000  # points to map for the first of them; enough where most points are on the plane
 HYPOTHESES = 200  # at 30 % of the points on the plane, a local sample hits it in more than 1 of 20
@@ -33,13 +35,12 @@ REACH = 5.0  # where it stops to pull a fit that is alone: wider, as that is mor
 SETTLED = 0.01  # relative change of the noise
 STEPS, FINAL_STEPS = 4, 10  # from a wide reach: near the optimum, and to it
 LARGEST_SCATTER = 0.45  # of the cutoff, RMS; points that fill the band by chance have 0.58
-MEDIAN_DISTANCE = 1.1774  # of two normal components, in their sigma
 NEIGHBOURS, SEEDS, TRIPLETS = 12, 64, 20
 TRIPLET_CONSISTENCY = 1.16  # of the third smallest of nine errors, for independent normal noise (by simulation)
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class RobustHomography:
+@dataclass(frozen=True, slots=True, eq=False, repr=False)
+class RobustHomography(ByValue, ShortRepr):
     """What a robust fit found.
 
     Attributes
@@ -52,6 +53,10 @@ class RobustHomography:
     homography: FloatArray
     inliers: BoolArray
     noise: float
+
+    def _shown(self) -> Shown:
+        rows = {f"row {row}": vector(self.homography[row], 5) for row in range(3)}
+        return f"{self.inliers.sum():,} of {len(self.inliers):,} points agree, noise {figures(self.noise)}", rows
 
 
 def fit_homography_robust(

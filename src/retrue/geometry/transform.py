@@ -9,12 +9,14 @@ from numpy.typing import ArrayLike
 
 from retrue.errors import InputError
 from retrue.geometry.arrays import FloatArray, finite_array, frozen_array
+from retrue.shown import ShortRepr, Shown, vector
+from retrue.values import ByValue
 
 ROTATION_TOLERANCE = 1e-3  # |R R^T - I| that rounding in a hand-written or printed file explains
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class RigidTransform:
+@dataclass(frozen=True, slots=True, eq=False, repr=False)
+class RigidTransform(ByValue, ShortRepr):
     """X_target = R X_source + t.
 
     Attributes
@@ -45,6 +47,15 @@ class RigidTransform:
         object.__setattr__(self, "t", frozen_array(t))
 
     @classmethod
+    def identity(cls) -> RigidTransform:
+        """Of a frame to itself.
+
+        >>> RigidTransform.identity().apply([1.0, 2.0, 3.0]).tolist()
+        [1.0, 2.0, 3.0]
+        """
+        return cls(np.eye(3), np.zeros(3))
+
+    @classmethod
     def from_rotation_vector(cls, rotation_vector: ArrayLike, t: ArrayLike) -> RigidTransform:
         """From axis times angle (3,) in radians and t (3,)."""
         return cls(rotation_from_vector(rotation_vector), finite_array(t, (3,), "translation t"))
@@ -60,6 +71,9 @@ class RigidTransform:
     def __matmul__(self, other: RigidTransform) -> RigidTransform:
         """a_from_b @ b_from_c is a_from_c."""
         return RigidTransform(self.R @ other.R, self.R @ other.t + self.t)
+
+    def _shown(self) -> Shown:
+        return f"rotation {vector(np.degrees(vector_from_rotation(self.R)))} deg, t {vector(self.t)}", {}
 
 
 def nearest_rotation(matrix: FloatArray) -> FloatArray:

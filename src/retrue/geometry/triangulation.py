@@ -10,6 +10,7 @@ from collections.abc import Callable
 import numpy as np
 from numpy.typing import ArrayLike
 
+from retrue.errors import require_kind
 from retrue.geometry.arrays import FloatArray
 from retrue.geometry.transform import RigidTransform, skew
 
@@ -54,6 +55,7 @@ def triangulate(
     >>> triangulate(pose, [[0.1, -0.05]], [seen[:2] / seen[2]]).round(9).tolist()
     [[0.2, -0.1, 2.0]]
     """
+    require_kind(projector_from_camera, RigidTransform, "projector_from_camera")
     E = skew(projector_from_camera.t) @ projector_from_camera.R
     R, t = projector_from_camera.R, projector_from_camera.t
 
@@ -90,6 +92,24 @@ def triangulate_linear(
         return _least_squares(R, t, x, y)
 
     return _in_blocks(solve, projector_from_camera, camera_rays, projector_rays, np.ones(()), np.ones(()))
+
+
+def depths_on_rays(
+    projector_from_camera: RigidTransform, camera_rays: ArrayLike, projector_rays: ArrayLike
+) -> FloatArray:
+    """Depth (N,) of the point ON each camera ray that the projector sees nearest to its own ray; NaN for parallel ones.
+
+    Least squares in Z (R x - y (R x)_3) = y t_3 - t, the first two rows: distances in the projector's picture.
+
+    >>> depths_on_rays(RigidTransform(np.eye(3), [-1.0, 0.0, 0.0]), [[0.2, 0.1], [0.2, 0.1]], [[0.1, 0.1], [0.2, 0.1]])
+    array([10., nan])
+    """
+    x, y = np.asarray(camera_rays, dtype=np.float64), np.asarray(projector_rays, dtype=np.float64)
+    R, t = projector_from_camera.R, projector_from_camera.t
+    turned = x @ R[:, :2].T + R[:, 2]
+    a, b = turned[:, :2] - y * turned[:, 2:], y * t[2] - t[:2]
+    with np.errstate(divide="ignore", invalid="ignore"):
+        return np.sum(a * b, axis=1) / np.sum(a * a, axis=1)
 
 
 def sampson_distances(

@@ -11,24 +11,31 @@ from cython.cimports.libc.math import fabs, sqrt
 
 WELL_POSED = cython.declare(cython.double, 1e-10)  # mu3 / mu1, and squared parallax, above which it answers
 WELL_CONDITIONED = cython.declare(cython.double, 1e-4)  # mu2 / mu1: forming H H^T then costs four digits at most
+NAN = cython.declare(cython.double, float("nan"))
 ROWS = cython.declare(cython.Py_ssize_t, 10)  # R, t / d, normal of both poses, one below the other
 
 Vector = cython.struct(x=cython.double, y=cython.double, z=cython.double)
 
 
 @cython.cfunc
+@cython.inline
+@cython.nogil
 @cython.exceptval(check=False)
 def _dot(a: Vector, b: Vector) -> cython.double:
     return a.x * b.x + a.y * b.y + a.z * b.z
 
 
 @cython.cfunc
+@cython.inline
+@cython.nogil
 @cython.exceptval(check=False)
 def _cross(a: Vector, b: Vector) -> Vector:
     return Vector(a.y * b.z - a.z * b.y, a.z * b.x - a.x * b.z, a.x * b.y - a.y * b.x)
 
 
 @cython.cfunc
+@cython.inline
+@cython.nogil
 @cython.exceptval(check=False)
 def _combined(p: cython.double, a: Vector, q: cython.double, b: Vector) -> Vector:
     """p a + q b."""
@@ -36,12 +43,16 @@ def _combined(p: cython.double, a: Vector, q: cython.double, b: Vector) -> Vecto
 
 
 @cython.cfunc
+@cython.inline
+@cython.nogil
 @cython.exceptval(check=False)
 def _scaled(p: cython.double, a: Vector) -> Vector:
     return Vector(p * a.x, p * a.y, p * a.z)
 
 
 @cython.cfunc
+@cython.inline
+@cython.nogil
 @cython.exceptval(check=False)
 def _times(r1: Vector, r2: Vector, r3: Vector, v: Vector) -> Vector:
     """The matrix of these rows, times v."""
@@ -49,6 +60,8 @@ def _times(r1: Vector, r2: Vector, r3: Vector, v: Vector) -> Vector:
 
 
 @cython.cfunc
+@cython.inline
+@cython.nogil
 @cython.exceptval(check=False)
 def _far_eigenvector(m1: Vector, m2: Vector, m3: Vector) -> Vector:
     """Unit eigenvector of symmetric M whose eigenvalue lies farthest from the other two; zero where all are equal.
@@ -84,6 +97,8 @@ def _far_eigenvector(m1: Vector, m2: Vector, m3: Vector) -> Vector:
 
 
 @cython.cfunc
+@cython.inline
+@cython.nogil
 @cython.exceptval(check=False)
 def _perpendicular(v: Vector) -> Vector:
     """A unit vector normal to the unit vector v."""
@@ -93,6 +108,7 @@ def _perpendicular(v: Vector) -> Vector:
 
 
 @cython.cfunc
+@cython.nogil
 @cython.exceptval(check=False)
 def _solve(
     h1: Vector, h2: Vector, h3: Vector, ray: Vector, out: cython.double[:, ::1], row: cython.Py_ssize_t
@@ -101,6 +117,7 @@ def _solve(
 
     NaN, and False, where H is near singular or near a rotation.
     """
+    cython.declare(i=cython.Py_ssize_t, j=cython.Py_ssize_t)
     sign = 1.0 if _dot(h3, ray) >= 0 else -1.0
     c1, c2, c3 = Vector(h1.x, h2.x, h3.x), Vector(h1.y, h2.y, h3.y), Vector(h1.z, h2.z, h3.z)
     m12, m13, m23 = _dot(h1, h2), _dot(h1, h3), _dot(h2, h3)
@@ -117,7 +134,10 @@ def _solve(
     length = sqrt(half * half + fg * fg)
     c, s = 1.0, 0.0
     if length > 0:
-        c, s = (half + length, fg) if half >= 0 else (fg, length - half)
+        if half >= 0:
+            c, s = half + length, fg
+        else:
+            c, s = fg, length - half
         scale = 1 / sqrt(c * c + s * s)
         c, s = c * scale, s * scale
     large, small = _combined(c, f, s, g), _combined(-s, f, c, g)
@@ -147,6 +167,8 @@ def _solve(
 
 
 @cython.cfunc
+@cython.inline
+@cython.nogil
 @cython.exceptval(check=False)
 def _write_pose(
     u: Vector,
@@ -172,12 +194,14 @@ def _write_pose(
     _write(_combined3(u.y, r1, e2.y, r2, e3.y, r3), out, row + 1)
     _write(_combined3(u.z, r1, e2.z, r2, e3.z, r3), out, row + 2)
     _write(_scaled(length, u), out, row + 3)
-    normal = Vector(m.x / length, m.y / length, m.z / length)
+    normal = _scaled(1 / length, m)
     _write(normal, out, row + 4)
     return _dot(normal, ray)
 
 
 @cython.cfunc
+@cython.inline
+@cython.nogil
 @cython.exceptval(check=False)
 def _combined3(p: cython.double, a: Vector, q: cython.double, b: Vector, r: cython.double, c: Vector) -> Vector:
     """p a + q b + r c."""
@@ -185,40 +209,57 @@ def _combined3(p: cython.double, a: Vector, q: cython.double, b: Vector, r: cyth
 
 
 @cython.cfunc
+@cython.inline
+@cython.nogil
 @cython.exceptval(check=False)
 def _write(v: Vector, out: cython.double[:, ::1], row: cython.Py_ssize_t) -> cython.void:
     out[row, 0], out[row, 1], out[row, 2] = v.x, v.y, v.z
 
 
 @cython.cfunc
+@cython.nogil
 @cython.exceptval(check=False)
 def _no_pose(out: cython.double[:, ::1], row: cython.Py_ssize_t) -> cython.bint:
+    cython.declare(i=cython.Py_ssize_t, j=cython.Py_ssize_t)
     for i in range(row, row + ROWS):
         for j in range(3):
-            out[i, j] = float("nan")
+            out[i, j] = NAN
     return False
 
 
 def planar_poses(
-    H: cython.const[cython.double][:, ::1], x: cython.const[cython.double][::1], out: cython.double[:, ::1]
-) -> cython.bint:
-    """Fill `out` (10, 3) with R, t / d and normal of both poses; False where it should not be trusted."""
-    if not (H.shape[0] == 3 and H.shape[1] == 3 and x.shape[0] == 3):
+    H: cython.const[cython.double][:, ::1],
+    x: cython.double,
+    y: cython.double,
+    z: cython.double,
+    out: cython.double[:, ::1],
+) -> bool:
+    """Fill `out` (10, 3) with R, t / d and normal of both poses; False where it should not be trusted.
+
+    The plane is in front along the ray (x, y, z) of the camera.
+    """
+    if H.shape[0] != 3 or H.shape[1] != 3:
         return False
     h1, h2, h3 = Vector(H[0, 0], H[0, 1], H[0, 2]), Vector(H[1, 0], H[1, 1], H[1, 2]), Vector(H[2, 0], H[2, 1], H[2, 2])
-    return _solve(h1, h2, h3, Vector(x[0], x[1], x[2]), out, 0)
+    return _solve(h1, h2, h3, Vector(x, y, z), out, 0)
 
 
 def planar_poses_of_stack(
-    stack: cython.const[cython.double][:, :, ::1], x: cython.const[cython.double][::1], out: cython.double[:, ::1]
-) -> cython.bint:
+    stack: cython.const[cython.double][:, :, ::1],
+    x: cython.double,
+    y: cython.double,
+    z: cython.double,
+    out: cython.double[:, ::1],
+) -> bool:
     """The same for H (N, 3, 3) into `out` (10 N, 3); NaN in those rows, and False, where any is not trusted."""
-    ray = Vector(x[0], x[1], x[2])
-    trusted = True
-    for k in range(stack.shape[0]):
-        h1 = Vector(stack[k, 0, 0], stack[k, 0, 1], stack[k, 0, 2])
-        h2 = Vector(stack[k, 1, 0], stack[k, 1, 1], stack[k, 1, 2])
-        h3 = Vector(stack[k, 2, 0], stack[k, 2, 1], stack[k, 2, 2])
-        if not _solve(h1, h2, h3, ray, out, ROWS * k):
-            trusted = False
+    cython.declare(k=cython.Py_ssize_t)
+    ray = Vector(x, y, z)
+    trusted: cython.bint = True
+    with cython.nogil:
+        for k in range(stack.shape[0]):
+            h1 = Vector(stack[k, 0, 0], stack[k, 0, 1], stack[k, 0, 2])
+            h2 = Vector(stack[k, 1, 0], stack[k, 1, 1], stack[k, 1, 2])
+            h3 = Vector(stack[k, 2, 0], stack[k, 2, 1], stack[k, 2, 2])
+            if not _solve(h1, h2, h3, ray, out, ROWS * k):
+                trusted = False
     return trusted

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from retrue.errors import InputError
 from retrue.geometry.arrays import FloatArray
 from retrue.patterns.color_grid_code import make_code
+from retrue.shown import ShortRepr, Shown
 
 PAPER_COLORS = (
     (255, 0, 0),
@@ -26,8 +27,8 @@ FEWEST_WITH_LONELY_WHITE = 5  # colours: of fewer, too few choices would be left
 BLOCK_SHARE = 0.63  # of the pitch: the rest is gap, wide enough to keep the blocks apart when out of focus
 
 
-@dataclass(frozen=True, slots=True)
-class ColorGrid:
+@dataclass(frozen=True, slots=True, repr=False)
+class ColorGrid(ShortRepr):
     """A colour grid, as a spec; the centre of block (r, c) lies at projector pixel origin + pitch * (c, r).
 
     Attributes
@@ -92,6 +93,15 @@ class ColorGrid:
         start = np.maximum(centre - self.block / 2, pixel - 0.5)
         end = np.minimum(centre + self.block / 2, pixel + 0.5)
         return np.clip(end - start, 0.0, 1.0)
+
+    def _shown(self) -> Shown:
+        width, height = self.projector_size
+        apart = "" if self.distance is None else f", windows differ in {self.distance} or more"
+        return (
+            f"{width} x {height} px, {len(self.code)} x {len(self.code[0])} blocks of {self.block:g} px every "
+            f"{self.pitch:g} px, {len(self.colors)} colors{apart}",
+            {},
+        )
 
 
 def make_color_grid(

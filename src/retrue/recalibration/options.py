@@ -3,14 +3,19 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from math import inf
 from typing import TYPE_CHECKING
+
+from retrue.errors import InputError
+from retrue.ranges import check_ranges, ranged
+from retrue.values import ByValue
 
 if TYPE_CHECKING:  # so that the command line's help loads no NumPy
     from retrue.geometry.arrays import FloatArray
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class KnownDistance:
+class KnownDistance(ByValue):
     """The true length between the scene points seen at two camera pixels of the first capture: it gives |t|.
 
     Attributes
@@ -22,6 +27,15 @@ class KnownDistance:
     first_px: FloatArray
     second_px: FloatArray
     length: float
+
+    def __post_init__(self) -> None:
+        from retrue.geometry.arrays import finite_array, frozen_array
+
+        for name in ("first_px", "second_px"):
+            pixel = finite_array(getattr(self, name), (2,), f"known distance, {name}")
+            object.__setattr__(self, name, frozen_array(pixel))
+        if not 0 < self.length < inf:
+            raise InputError(f"known distance: expected a positive length, found {self.length}")
 
 
 @dataclass(frozen=True, slots=True)
@@ -79,25 +93,28 @@ class RecalibrateOptions:
     """
 
     known_distance: KnownDistance | None = None
-    twin_margin: float = 25.0
-    twin_deviations: float = 3.5
-    max_behind: float = 0.02
-    min_points: int = 12
-    max_planes: int = 4
-    max_points: int = 20_000
-    max_sigma_rotation_deg: float = 1.0
-    max_sigma_translation_deg: float = 3.0
-    max_noise_px: float = 2.0
-    max_structure_px: float = 0.1
-    max_outliers: float = 0.65
-    max_contradicting: float = 0.05
-    max_interleaved: float = 0.3
-    max_change_deg: float = 45.0
-    max_unchecked_change_deg: float = 15.0
-    min_fold_deg: float = 2.0
-    focal_sigma: float = 2e-3
-    principal_point_sigma_px: float = 1.0
-    flatness_sigma: float = 5e-4
-    max_focal_change: float = 1e-2
-    focal_deviations: float = 5.0
-    seed: int = 0
+    twin_margin: float = ranged(25.0, 0)
+    twin_deviations: float = ranged(3.5, 0)
+    max_behind: float = ranged(0.02, 0, 1)
+    min_points: int = ranged(12, 4)
+    max_planes: int = ranged(4, 1)
+    max_points: int = ranged(20_000, 4)
+    max_sigma_rotation_deg: float = ranged(1.0, 0, 180)
+    max_sigma_translation_deg: float = ranged(3.0, 0, 180)
+    max_noise_px: float = ranged(2.0, 0)
+    max_structure_px: float = ranged(0.1, 0)
+    max_outliers: float = ranged(0.65, 0, 1)
+    max_contradicting: float = ranged(0.05, 0, 1)
+    max_interleaved: float = ranged(0.3, 0, 1)
+    max_change_deg: float = ranged(45.0, 0, 180)
+    max_unchecked_change_deg: float = ranged(15.0, 0, 180)
+    min_fold_deg: float = ranged(2.0, 0, 90)
+    focal_sigma: float = ranged(2e-3, 0, 1)
+    principal_point_sigma_px: float = ranged(1.0, 0, 1e6)
+    flatness_sigma: float = ranged(5e-4, 0, 1)
+    max_focal_change: float = ranged(1e-2, 0)
+    focal_deviations: float = ranged(5.0, 0)
+    seed: int = ranged(0, 0, 2**32 - 1)
+
+    def __post_init__(self) -> None:
+        check_ranges(self)

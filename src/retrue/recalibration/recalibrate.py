@@ -7,8 +7,8 @@ from dataclasses import replace
 
 import numpy as np
 
-from retrue.correspondences import Correspondences
-from retrue.errors import DegenerateError, InputError
+from retrue.correspondences import Correspondences, require_captures
+from retrue.errors import DegenerateError, require_kind
 from retrue.geometry.transform import RigidTransform
 from retrue.recalibration.candidates import Estimate, estimate_pose
 from retrue.recalibration.fit import PoseFit, Support, refine
@@ -30,7 +30,7 @@ from retrue.recalibration.result import (
 )
 from retrue.recalibration.scale import translation_length
 from retrue.recalibration.uncertainty import systematic_covariance
-from retrue.rig import Rig
+from retrue.rig import Rig, require_rig
 
 
 def recalibrate(
@@ -55,9 +55,10 @@ def recalibrate(
 
     Source: Zhang, Li, Wu 2007, section 3.
     """
+    require_rig(rig)
+    require_captures(captures)
     options = options or RecalibrateOptions()
-    if not captures:
-        raise InputError("recalibrate: expected at least one capture, found none")
+    require_kind(options, RecalibrateOptions, "options")
     total = sum(len(capture) for capture in captures)
     try:
         estimate = estimate_pose(rig, captures, options)

@@ -15,12 +15,15 @@ from retrue.geometry.two_view import FREE, TwoViewPoints, TwoViewPose
 from retrue.recalibration.fit import PoseFit
 from retrue.recalibration.reasons import Reason
 from retrue.recalibration.scale import inverse_depths
+from retrue.recalibration.summary import change_text, evidence_rows, verification_rows
 from retrue.rig import Rig
 from retrue.rig_difference import displacement_rms, rig_difference
+from retrue.shown import HasReport, ShortRepr, Shown, figures
+from retrue.values import ByValue
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class PoseCandidate:
+@dataclass(frozen=True, slots=True, eq=False, repr=False)
+class PoseCandidate(ByValue, ShortRepr):
     """One of the two poses that explain the plane, after refinement on all points.
 
     Attributes
@@ -38,9 +41,15 @@ class PoseCandidate:
     off_plane_rms_px: float | None
     chosen: bool
 
+    def _shown(self) -> Shown:
+        off_plane = "" if self.off_plane_rms_px is None else f", {figures(self.off_plane_rms_px)} px off the plane"
+        title = f"{'chosen' if self.chosen else 'not chosen'}, RMS {figures(self.rms_px)} px{off_plane}"
+        rows = {"projector_from_camera": self.projector_from_camera.shown_title}
+        return title, rows | {f"plane {number}": plane.shown_title for number, plane in enumerate(self.planes, start=1)}
 
-@dataclass(frozen=True, slots=True)
-class PoseChange:
+
+@dataclass(frozen=True, slots=True, eq=False, repr=False)
+class PoseChange(ByValue, ShortRepr):
     """From one pose to another.
 
     Attributes
@@ -56,9 +65,13 @@ class PoseChange:
     length: float
     displacement: float | None = None
 
+    def _shown(self) -> Shown:
+        displacement = "" if self.displacement is None else f", points by {figures(self.displacement)}"
+        return f"{change_text(self)}, length {figures(self.length)}{displacement}", {}
 
-@dataclass(frozen=True, slots=True)
-class PoseSigma:
+
+@dataclass(frozen=True, slots=True, eq=False, repr=False)
+class PoseSigma(ByValue, ShortRepr):
     """One standard deviation.
 
     Attributes
@@ -72,9 +85,13 @@ class PoseSigma:
     translation_deg: float
     displacement: float | None = None
 
+    def _shown(self) -> Shown:
+        displacement = "" if self.displacement is None else f", points {figures(self.displacement)}"
+        return f"{change_text(self)}{displacement}", {}
 
-@dataclass(frozen=True, slots=True, eq=False)
-class Evidence:
+
+@dataclass(frozen=True, slots=True, eq=False, repr=False)
+class Evidence(ByValue, ShortRepr):
     """What the verdict rests on. `None` where the work stopped before that was known.
 
     `working_distance` is the median depth of the points, in the rig's unit.
@@ -90,18 +107,24 @@ class Evidence:
     working_distance: float | None = None
     details: Mapping[str, Any] = field(default_factory=dict[str, Any])
 
+    def _shown(self) -> Shown:
+        return self.resolved_by and f"resolved by {self.resolved_by}", evidence_rows(self)
 
-@dataclass(frozen=True, slots=True, eq=False)
-class Accepted:
+
+@dataclass(frozen=True, slots=True, eq=False, repr=False)
+class Accepted(ByValue, ShortRepr, HasReport):
     """The new rig, why this pose, and the evidence."""
 
     rig: Rig
     reason: str
     evidence: Evidence
 
+    def _shown(self) -> Shown:
+        return self.reason, evidence_rows(self.evidence, self.rig.unit)
 
-@dataclass(frozen=True, slots=True, eq=False)
-class Refused:
+
+@dataclass(frozen=True, slots=True, eq=False, repr=False)
+class Refused(ByValue, ShortRepr, HasReport):
     """No rig: the picture cannot tell, or what it tells is not to be trusted; the cause says what to do."""
 
     cause: Reason
@@ -112,9 +135,12 @@ class Refused:
         """The cause in one sentence."""
         return str(self.cause)
 
+    def _shown(self) -> Shown:
+        return self.reason, evidence_rows(self.evidence)
 
-@dataclass(frozen=True, slots=True, eq=False)
-class Verification:
+
+@dataclass(frozen=True, slots=True, eq=False, repr=False)
+class Verification(ByValue, ShortRepr, HasReport):
     """Whether a capture still fits a rig.
 
     Attributes
@@ -139,6 +165,9 @@ class Verification:
     working_distance: float | None = None
     cause: Reason | None = None
     supported_pose: RigidTransform | None = None
+
+    def _shown(self) -> Shown:
+        return f"{self.verdict}: {self.reason}", verification_rows(self)
 
 
 def candidate(fit: PoseFit, points: TwoViewPoints, scored: BoolArray, length: float, *, chosen: bool) -> PoseCandidate:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from retrue.errors import InputError
-from retrue.geometry.arrays import FloatArray, finite_array
+from retrue.geometry.arrays import FloatArray
 from retrue.geometry.camera import Camera
 from retrue.geometry.two_view import TwoViewPoints, TwoViewPose
 from retrue.recalibration.options import KnownDistance
@@ -19,17 +19,11 @@ def translation_length(known: KnownDistance, camera: Camera, pose: TwoViewPose, 
     Each pixel's ray is met with the surface through the nearest correspondences, a plane fitted to their depths.
     Raises InputError where a pixel has no correspondences around it.
     """
-    length = float(known.length)
-    if not (np.isfinite(length) and length > 0):
-        raise InputError(f"known distance: expected a positive length, found {known.length}")
-    first, second = (
-        _scene_point(finite_array(pixel, (2,), "known distance, pixel"), camera, pose, points)
-        for pixel in (known.first_px, known.second_px)
-    )
+    first, second = (_scene_point(pixel, camera, pose, points) for pixel in (known.first_px, known.second_px))
     apart = float(np.linalg.norm(first - second))
     if not apart > 1e-9:
         raise InputError("known distance: expected two different pixels, found the same scene point twice")
-    return length / apart
+    return known.length / apart
 
 
 def inverse_depths(pose: TwoViewPose, points: TwoViewPoints) -> FloatArray:

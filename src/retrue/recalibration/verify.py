@@ -13,11 +13,12 @@ from typing import Literal
 
 import numpy as np
 
-from retrue.correspondences import Correspondences
-from retrue.errors import DegenerateError, InputError
+from retrue.correspondences import Correspondences, require_captures
+from retrue.errors import DegenerateError, InputError, require_kind
 from retrue.geometry.arrays import FloatArray, finite_array
 from retrue.geometry.transform import RigidTransform, direction_angle, vector_from_rotation
 from retrue.geometry.two_view import POSE_PARAMETERS, TwoViewPose, epipolar_residuals, tangent_basis
+from retrue.ranges import check_ranges, ranged
 from retrue.recalibration.candidates import Estimate, estimate_pose
 from retrue.recalibration.fit import PoseFit, Support, refine
 from retrue.recalibration.judge import Choice, choose_twin, imprecision, inconsistency, supporting_rays
@@ -26,7 +27,7 @@ from retrue.recalibration.rays import Rays
 from retrue.recalibration.reasons import Imprecise, Reason, reason_of
 from retrue.recalibration.result import Verification, change, rms, sigma_at, working_distance
 from retrue.recalibration.uncertainty import systematic_covariance
-from retrue.rig import Rig
+from retrue.rig import Rig, require_rig
 
 
 @dataclass(frozen=True, slots=True)
@@ -49,12 +50,15 @@ class VerifyOptions:
         Limits of the estimate itself.
     """
 
-    false_alarms: float = 1e-3
-    rig_sigma_rotation_deg: float = 0.02
-    rig_sigma_translation_deg: float = 0.05
-    max_sigma_rotation_deg: float = 0.25
-    max_sigma_translation_deg: float = 1.5
+    false_alarms: float = ranged(1e-3, 0, 1)
+    rig_sigma_rotation_deg: float = ranged(0.02, 0, 180)
+    rig_sigma_translation_deg: float = ranged(0.05, 0, 180)
+    max_sigma_rotation_deg: float = ranged(0.25, 0, 180)
+    max_sigma_translation_deg: float = ranged(1.5, 0, 180)
     estimate: RecalibrateOptions = field(default_factory=RecalibrateOptions)
+
+    def __post_init__(self) -> None:
+        check_ranges(self)
 
 
 def verify(rig: Rig, captures: Sequence[Correspondences], options: VerifyOptions | None = None) -> Verification:
@@ -70,9 +74,10 @@ def verify(rig: Rig, captures: Sequence[Correspondences], options: VerifyOptions
 
     Raises InputError where there are no captures.
     """
+    require_rig(rig)
+    require_captures(captures)
     options = options or VerifyOptions()
-    if not captures:
-        raise InputError("verify: expected at least one capture, found none")
+    require_kind(options, VerifyOptions, "options")
     total = sum(len(capture) for capture in captures)
     try:
         return _verify(rig, captures, total, options)

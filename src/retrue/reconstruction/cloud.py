@@ -9,11 +9,14 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from retrue.errors import require_kind
 from retrue.geometry.arrays import BoolArray, FloatArray, IntArray
+from retrue.shown import HasReport, ShortRepr, Shown, counted, figures
+from retrue.values import ByValue
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class Cloud:
+@dataclass(frozen=True, slots=True, eq=False, repr=False)
+class Cloud(ByValue, ShortRepr, HasReport):
     """N points in the camera frame.
 
     Attributes
@@ -44,9 +47,28 @@ class Cloud:
         normals = None if self.normals is None else self.normals[rows]
         return Cloud(self.points[rows], self.colors[rows], self.camera_px[rows], self.unit, cells, self.card, normals)
 
+    def _shown(self) -> Shown:
+        rows: dict[str, str] = {}
+        if len(self):
+            near, middle, far = np.quantile(self.points[:, 2], [0, 0.5, 1])
+            rows["depth"] = (
+                f"{figures(near, 4)} to {figures(far, 4)} {self.unit}, median {figures(middle, 4)} {self.unit}"
+            )
+        if "epipolar_rms_px" in self.card:
+            rows["rays miss by"] = f"{figures(self.card['epipolar_rms_px'])} px (RMS)"
+        with_ = [name for name in ("cells", "normals") if getattr(self, name) is not None]
+        if with_:
+            rows["with"] = ", ".join(with_)
+        return f"{counted(len(self), 'point')} in {self.unit}", rows
 
-@dataclass(frozen=True, slots=True, eq=False)
-class Mesh:
+
+def require_cloud(value: object) -> None:
+    """An `InputError` that says what to hand in where `value` is no `Cloud`."""
+    require_kind(value, Cloud, "cloud", "retrue.reconstruct makes one")
+
+
+@dataclass(frozen=True, slots=True, eq=False, repr=False)
+class Mesh(ByValue, ShortRepr):
     """Triangles over points, in the camera frame.
 
     Attributes
@@ -61,3 +83,6 @@ class Mesh:
     colors: NDArray[np.uint8]
     faces: IntArray
     unit: str
+
+    def _shown(self) -> Shown:
+        return f"{counted(len(self.points), 'point')}, {counted(len(self.faces), 'face')} in {self.unit}", {}

@@ -8,7 +8,7 @@ import numpy as np
 
 from retrue.errors import InputError
 from retrue.geometry.arrays import BoolArray, FloatArray, IntArray
-from retrue.reconstruction.cloud import Cloud
+from retrue.reconstruction.cloud import Cloud, require_cloud
 from retrue.reconstruction.pieces import grown, linked_pieces, masked_pieces
 from retrue.reconstruction.surface_grid import SurfaceGrid, surface_grid
 
@@ -27,6 +27,7 @@ def fill_holes(cloud: Cloud) -> Cloud:
     ------
     InputError : the points have no grid.
     """
+    require_cloud(cloud)
     if cloud.cells is None:
         raise InputError("fill_holes: expected points of a capture with a grid, found scattered ones; decode a picture")
     grid = surface_grid(cloud.points, cloud.cells)

@@ -13,7 +13,7 @@ import numpy as np
 
 from retrue.errors import InputError
 from retrue.geometry.arrays import FloatArray
-from retrue.reconstruction.cloud import Cloud
+from retrue.reconstruction.cloud import Cloud, require_cloud
 from retrue.reconstruction.surface_grid import SurfaceGrid, surface_grid
 
 CELLS_PER_STEP = 160  # the walk takes one step for so many cells of the longer side,
@@ -24,6 +24,7 @@ FLATTEST = 1e-9  # determinant of the moments, relative to the product of their 
 
 def with_normals(cloud: Cloud) -> Cloud:
     """The cloud with `Cloud.normals`; raises `InputError` where its points have no grid."""
+    require_cloud(cloud)
     if cloud.cells is None:
         raise InputError("normals: expected points of a capture with a grid, found scattered ones; decode a picture")
     grid = surface_grid(cloud.points, cloud.cells)

@@ -1,8 +1,10 @@
-"""What a reconstruction can be told."""
+"""What a reconstruction can be told; apart from it, so that `--help` need not load NumPy."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
+
+from retrue.ranges import check_ranges, ranged
 
 
 @dataclass(frozen=True, slots=True)
@@ -15,5 +17,8 @@ class ReconstructOptions:
     keep_strays : Keep points that lie on no surface, and pieces of surface too small to have an inside.
     """
 
-    outlier_sigmas: float = 6.0
+    outlier_sigmas: float = ranged(6.0, 0, above=True)
     keep_strays: bool = False
+
+    def __post_init__(self) -> None:
+        check_ranges(self)

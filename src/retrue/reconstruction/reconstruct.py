@@ -8,19 +8,19 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from retrue.correspondences import Correspondences
-from retrue.errors import DegenerateError, InputError
+from retrue.correspondences import Correspondences, require_points
+from retrue.errors import DegenerateError, require_kind
 from retrue.geometry.arrays import BoolArray, FloatArray, IntArray
 from retrue.geometry.camera import Camera
+from retrue.geometry.robust import MAD_TO_SIGMA
 from retrue.geometry.triangulation import sampson_distances, triangulate
 from retrue.reconstruction.cloud import Cloud
 from retrue.reconstruction.options import ReconstructOptions
-from retrue.reconstruction.strays import find_strays
+from retrue.reconstruction.pieces import find_strays
 from retrue.reconstruction.surface_grid import surface_grid
-from retrue.rig import Rig
+from retrue.rig import Rig, require_rig
 
 FINEST_RESIDUAL_PX = 0.01  # rays that pass each other by less than this are no outliers, whatever the rest do
-MAD_TO_SIGMA = 1.4826  # of a normal distribution
 
 
 def reconstruct(rig: Rig, points: Correspondences, options: ReconstructOptions | None = None) -> Cloud:
@@ -42,9 +42,10 @@ def reconstruct(rig: Rig, points: Correspondences, options: ReconstructOptions |
     >>> cloud.points.round(6).tolist()
     [[0.0, 0.0, 500.0], [200.0, 0.0, 1000.0]]
     """
+    require_rig(rig)
+    require_points(points)
     options = options or ReconstructOptions()
-    if not options.outlier_sigmas > 0:
-        raise InputError(f"outlier_sigmas: expected a positive number, found {options.outlier_sigmas}")
+    require_kind(options, ReconstructOptions, "options")
     if not np.linalg.norm(rig.projector_from_camera.t) > 0:
         raise DegenerateError("rig: expected a baseline, found t = 0: camera and projector coincide, so no depth")
     camera_rays, projector_rays, sigmas = _rays(rig, points)
@@ -86,6 +87,8 @@ def _without_strays(cloud: Cloud, cells: IntArray) -> Cloud:
 
 def epipolar_residuals(rig: Rig, points: Correspondences) -> FloatArray:
     """Signed distance (N,) in pixels by which each point's two rays miss each other, Sampson's approximation."""
+    require_rig(rig)
+    require_points(points)
     camera_rays, projector_rays, sigmas = _rays(rig, points)
     return sampson_distances(rig.projector_from_camera, camera_rays, projector_rays, **sigmas)
 

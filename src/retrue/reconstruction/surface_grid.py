@@ -1,4 +1,9 @@
-"""The grid that a capture's points lie in, and where the surface goes on from one cell to the next."""
+"""The grid that a capture's points lie in, and where the surface goes on from one cell to the next.
+
+It does not where inverse depth jumps: depth jumps are judged in w = 1 / Z, because on a plane w is linear in the
+picture, and its noise is even over the picture. A step is a jump when it leaves the slope of the surface on BOTH of
+its sides by more than the noise explains, and by more than a fraction of the spacing of points.
+"""
 
 from __future__ import annotations
 
@@ -8,9 +13,11 @@ import numpy as np
 
 from retrue.errors import InputError
 from retrue.geometry.arrays import BoolArray, FloatArray, IntArray
-from retrue.reconstruction.depth_jumps import jump_limit
+from retrue.geometry.robust import MAD_TO_SIGMA
 
 LARGEST_GRID = 200_000_000  # cells; more is a mistake, and would not fit into memory
+NOISE_SIGMAS = 6.0  # what exceeds so many robust sigmas is not noise
+SPACING_FRACTION = 0.5  # a kink of this many point spacings in one step, about 27 degrees, is still a surface
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -105,3 +112,18 @@ def _median_of_three(a: FloatArray, b: FloatArray, c: FloatArray) -> FloatArray:
     high: FloatArray = ordered[2]
     flatter_of_two = np.where(np.abs(middle) < np.abs(low), middle, low)
     return np.where(np.isnan(high), flatter_of_two, middle)
+
+
+def jump_limit(residuals: FloatArray, inverse_depth: FloatArray, spacing_angle: float) -> FloatArray:
+    """The largest departure from the surface's slope, in inverse depth, that is not a jump; as `inverse_depth`.
+
+    Six robust sigmas of all `residuals` (NaN: unknown), so that noise makes no holes; and at least half the
+    distance between neighbours, `spacing_angle` times depth, so that the curvature of a noiseless surface
+    makes none: dZ = angle Z / 2 is dw = angle w / 2.
+
+    >>> jump_limit(np.zeros(9), np.array([0.5]), spacing_angle=0.01).tolist()
+    [0.0025]
+    """
+    finite = residuals[np.isfinite(residuals)]
+    noise = MAD_TO_SIGMA * float(np.median(np.abs(finite))) if len(finite) else 0.0
+    return np.maximum(NOISE_SIGMAS * noise, SPACING_FRACTION * spacing_angle * inverse_depth)

@@ -8,16 +8,18 @@ from typing import Any
 
 import numpy as np
 
-from retrue.calibration.fitted_views import FittedView
+from retrue.calibration.result import FittedView
 from retrue.geometry.arrays import FloatArray
+from retrue.geometry.transform import RigidTransform
 from retrue.report.figures import harmless, numbers, picture_layout, polyline
-from retrue.report.lengths import LengthUnit, figures
+from retrue.report.lengths import LengthUnit
 from retrue.report.page import Chart
-from retrue.report.residual_charts import round_factor
-from retrue.report.scene import ORIGIN, Device, outline_trace, scene_chart
+from retrue.report.residual_section import round_factor
+from retrue.report.scene import Device, outline_trace, scene_chart
 from retrue.rig import Rig
+from retrue.shown import figures
 
-ARROW_SHARE = 0.015  # of the picture's width: how long a typical residual is drawn
+CORNER_ARROW_SHARE = 0.015  # of the picture's width: how long a typical residual is drawn
 VIEW_COLORS = ("#4c94e0", "#df8440", "#3aa876", "#b96bd0", "#cf9d1c", "#dc625c", "#4bafbd", "#8f84e8")
 
 
@@ -26,7 +28,7 @@ def board_scene(views: Sequence[FittedView], rig: Rig | None, unit: LengthUnit) 
     corners = [_outline(view) for view in views]
     devices = (
         [
-            Device("camera", rig.camera, ORIGIN, "var(--camera)"),
+            Device("camera", rig.camera, RigidTransform.identity(), "var(--camera)"),
             Device("projector", rig.projector, rig.projector_from_camera.inverse(), "var(--after)"),
         ]
         if rig is not None
@@ -49,7 +51,7 @@ def board_scene(views: Sequence[FittedView], rig: Rig | None, unit: LengthUnit) 
 def coverage_chart(views: Sequence[FittedView], device: int, size: tuple[int, int], name: str) -> Chart:
     """The corners in the picture of one device, colored by view, with lengthened residuals."""
     errors = np.concatenate([view.errors[device] for view in views])
-    factor = round_factor(np.linalg.norm(errors, axis=1), ARROW_SHARE * size[0])
+    factor = round_factor(np.linalg.norm(errors, axis=1), CORNER_ARROW_SHARE * size[0])
     traces: list[dict[str, Any]] = []
     for index, (view, label) in enumerate(zip(views, view_names(views), strict=True)):
         start, error = view.pixels[device], view.errors[device]

@@ -7,16 +7,15 @@ from typing import Any
 
 import numpy as np
 
-from retrue.calibration.fitted_views import FittedView
-from retrue.calibration.jacobians import INTRINSICS
-from retrue.calibration.result import Calibrated, RefusedCalibration
+from retrue.calibration.result import Calibrated, FittedView, RefusedCalibration
+from retrue.calibration.setup import INTRINSICS
 from retrue.geometry.camera import Camera
 from retrue.geometry.transform import vector_from_rotation
 from retrue.report.calibration_charts import board_scene, coverage_chart, residuals_per_view, view_names
-from retrue.report.lengths import MISSING, LengthUnit, figures, pixels, shown_unit
+from retrue.report.lengths import LengthUnit, pixels, problem_and_advice, sentence, shown_unit
 from retrue.report.page import Block, Fact, Page, Section, Table, Tabs
-from retrue.report.words import problem_and_advice, sentence
 from retrue.rig import Rig
+from retrue.shown import MISSING, figures
 
 DEVICES = ("camera", "projector")
 

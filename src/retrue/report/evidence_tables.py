@@ -1,4 +1,4 @@
-"""What a recalibration rests on: both candidates side by side, and the counts."""
+"""What changed and what that rests on, as tables: the change of pose, both candidates side by side, the counts."""
 
 from __future__ import annotations
 
@@ -7,12 +7,12 @@ from typing import Any
 
 import numpy as np
 
-from retrue.geometry.transform import direction_angle, rotation_angle
-from retrue.recalibration.result import Evidence, PoseCandidate
-from retrue.report.lengths import MISSING, LengthUnit, degrees, figures, pixels
+from retrue.geometry.transform import RigidTransform, direction_angle, rotation_angle, vector_from_rotation
+from retrue.recalibration.result import Evidence, PoseCandidate, PoseChange, PoseSigma
+from retrue.report.lengths import LengthUnit, degrees, pixels, sentence
 from retrue.report.page import Block, Table, Text
-from retrue.report.words import sentence
 from retrue.rig import Rig
+from retrue.shown import MISSING, figures
 
 LABELS = {
     "points_used": "Points used",
@@ -91,3 +91,33 @@ def _tilt_deg(candidate: PoseCandidate) -> float | None:
     if not candidate.planes:
         return None
     return float(np.degrees(direction_angle(candidate.planes[0].normal, [0.0, 0.0, 1.0])))
+
+
+def change_table(change: PoseChange, sigma: PoseSigma | None, distance: float | None, unit: LengthUnit) -> Table:
+    """One row a quantity: its change, and one sigma of that."""
+    known = sigma or PoseSigma(float("nan"), float("nan"))
+    rows = [
+        ("Rotation", degrees(change.rotation_deg), degrees(known.rotation_deg)),
+        ("Direction of t", degrees(change.translation_deg), degrees(known.translation_deg)),
+        ("Length of t", unit.text(change.length), MISSING),
+    ]
+    caption = "Sigma is one standard deviation."
+    if distance is not None and change.displacement is not None:
+        caption += " The last row is what it costs: how far a measured point lands elsewhere, RMS over the picture."
+        name = f"A point measured at {unit.text(distance)}"
+        rows.append((name, unit.text(change.displacement), unit.text(known.displacement)))
+    return Table(
+        ("", "change", "sigma"),
+        tuple(rows),
+        caption,
+    )
+
+
+def pose_table(poses: Mapping[str, RigidTransform], unit: LengthUnit) -> Table:
+    """R as axis times angle, and t, of each pose by its name."""
+    rows: list[tuple[str, ...]] = []
+    for name, pose in poses.items():
+        vector = np.degrees(vector_from_rotation(pose.R))
+        rows.append((name, *(f"{angle:.4f}" for angle in vector), *(figures(unit.factor * x, 6) for x in pose.t)))
+    head = ("", *(f"r{axis}, deg" for axis in "xyz"), *(f"t{axis}, {unit.name}" for axis in "xyz"))
+    return Table(head, tuple(rows), "projector_from_camera: rotation as axis times angle, and t.")

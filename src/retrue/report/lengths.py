@@ -1,14 +1,13 @@
-"""Lengths, angles and pixels as people read them."""
+"""Lengths, angles, pixels and reasons, as people read them."""
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass
 
-MILLIMETRES = {"mm": 1.0, "cm": 10.0, "m": 1000.0, "um": 0.001, "µm": 0.001, "in": 25.4, "inch": 25.4}
+from retrue.shown import MISSING, figures
+from retrue.units import METRES, millimetres_per
+
 NAMELESS = frozenset({"", "?", "unit", "units", "unknown", "none"})
-MISSING = "\N{EN DASH}"
-SMALLEST = 1e-9  # shown as zero below
 
 
 @dataclass(frozen=True, slots=True)
@@ -42,26 +41,9 @@ class LengthUnit:
 def shown_unit(unit: str) -> LengthUnit:
     """Millimetres for every unit of length that we know, else the rig's own."""
     name = unit.strip().lower()
-    if name in MILLIMETRES:
-        return LengthUnit(MILLIMETRES[name], "mm")
+    if name in METRES:
+        return LengthUnit(millimetres_per(name), "mm")
     return LengthUnit(1.0, "rig units" if name in NAMELESS else unit.strip())
-
-
-def figures(value: float | None, count: int = 3) -> str:
-    """So many significant figures, never in powers of ten; what is larger in full, counts by thousands.
-
-    >>> figures(0.012345), figures(1234.5), figures(-2.0), figures(70000), figures(float("nan"))
-    ('0.0123', '1234', '-2.00', '70,000', '–')
-    """
-    if value is None or not math.isfinite(value):
-        return MISSING
-    if abs(value) < SMALLEST:
-        return "0"
-    if isinstance(value, int):
-        return f"{value:,}"
-    if abs(value) >= 10 ** (count - 1):
-        return f"{value:.0f}"
-    return f"{value:.{count - 1 - math.floor(math.log10(abs(value)))}f}"
 
 
 def degrees(value: float | None) -> str:
@@ -74,3 +56,29 @@ def pixels(value: float | None) -> str:
     """A distance in a picture, with its unit."""
     number = figures(value)
     return number if number == MISSING else f"{number} px"
+
+
+def problem_and_advice(reason: str) -> tuple[str, tuple[str, ...]]:
+    """Our reasons read "what is wrong; what to do": both as sentences.
+
+    >>> problem_and_advice("no plane among 80 points; have a wall fill part of the picture")
+    ('No plane among 80 points.', ('Have a wall fill part of the picture.',))
+    """
+    problem, *advice = reason.split("; ")
+    return sentence(problem), tuple(sentence(part) for part in advice)
+
+
+def sentence(text: str) -> str:
+    """With a capital and a full stop."""
+    text = text.strip()
+    text = text[:1].upper() + text[1:]
+    return text if text.endswith((".", "?", "!")) else f"{text}."
+
+
+def listed(parts: list[str]) -> str:
+    """One, two and three.
+
+    >>> listed(["a plane", "a ball", "a box"])
+    'a plane, a ball and a box'
+    """
+    return parts[0] if len(parts) == 1 else f"{', '.join(parts[:-1])} and {parts[-1]}"

@@ -1,9 +1,10 @@
-"""Pictures of what was found, as PNG bytes."""
+"""Pictures of what was found, and of how a rig moved over time, as PNG bytes."""
 
 from __future__ import annotations
 
 import io
 from collections.abc import Sequence
+from datetime import datetime
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -13,13 +14,16 @@ from retrue.geometry.arrays import FloatArray, Image
 from retrue.geometry.camera import Camera
 from retrue.geometry.transform import RigidTransform
 from retrue.reconstruction.cloud import Cloud
+from retrue.report.figures import every
+from retrue.report.scene import FRUSTUM_SHARE
 from retrue.rig import Rig
+from retrue.rig_difference import RigDifference
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-MOST_POINTS = 20_000  # drawn; more only blacken the picture
-FRUSTUM_SHARE = 0.15  # of the distance to the scene, so that a device is seen but hides nothing
+
+MOST_SCATTERED = 20_000  # drawn; more only blacken the picture
 
 
 def residual_picture(image: Image, points: Correspondences, residuals: Sequence[tuple[str, FloatArray]]) -> bytes:
@@ -30,7 +34,7 @@ def residual_picture(image: Image, points: Correspondences, residuals: Sequence[
     from matplotlib.colors import LogNorm
 
     figure = blank_figure(6.4 * len(residuals), 5.2)
-    rows = _spread(len(points))
+    rows = every(len(points), MOST_SCATTERED)
     photograph = image / np.iinfo(image.dtype).max
     drawn: Any = None
     axes: Any = figure.subplots(1, len(residuals), squeeze=False)[0]
@@ -48,15 +52,15 @@ def residual_picture(image: Image, points: Correspondences, residuals: Sequence[
 def cloud_picture(cloud: Cloud, rig: Rig) -> bytes:
     """The cloud from above and from the side, with the camera and the projector that made it."""
     figure = blank_figure(12.0, 5.2)
-    X = cloud.points[_spread(len(cloud))]
-    colors = cloud.colors[_spread(len(cloud))] / 255
+    rows = every(len(cloud), MOST_SCATTERED)
+    X, colors = cloud.points[rows], cloud.colors[rows] / 255
     depth = float(np.median(X[:, 2]))
     axes: Any = figure.subplots(1, 2)
     for axis, across, title in ((axes[0], 0, "from above"), (axes[1], 1, "from the side")):
         axis.scatter(X[:, 2], X[:, across], c=colors, s=3)
         projector = rig.projector_from_camera.inverse()
         for camera, pose, name, color in (
-            (rig.camera, RigidTransform(np.eye(3), np.zeros(3)), "camera", "tab:blue"),
+            (rig.camera, RigidTransform.identity(), "camera", "tab:blue"),
             (rig.projector, projector, "projector", "tab:orange"),
         ):
             outline = _frustum(camera, pose, FRUSTUM_SHARE * depth)
@@ -73,17 +77,9 @@ def cloud_picture(cloud: Cloud, rig: Rig) -> bytes:
 
 def _frustum(camera: Camera, camera_frame_from_device: RigidTransform, length: float) -> FloatArray:
     """A line (., 3) from the centre through the corners of the picture, in the camera frame."""
-    width, height = camera.size
-    corners = np.array([[0, 0], [width, 0], [width, height], [0, height]]) - 0.5
-    rays = np.column_stack([camera.normalise(corners), np.ones(4)]) * length
-    a, b, c, d = rays
+    a, b, c, d = camera.frustum(length)
     centre = np.zeros(3)
     return camera_frame_from_device.apply(np.array([centre, a, b, centre, c, d, centre, b, c, d, a]))
-
-
-def _spread(count: int) -> slice:
-    """So many rows evenly spread that a picture can show them."""
-    return slice(None, None, max(1, count // MOST_POINTS))
 
 
 def blank_figure(width: float, height: float) -> Figure:
@@ -98,3 +94,25 @@ def png_bytes(figure: Figure) -> bytes:
     stream = io.BytesIO()
     figure.savefig(stream, format="png", dpi=110)
     return stream.getvalue()
+
+
+def drift_picture(times: Sequence[datetime], since_first: Sequence[RigDifference]) -> bytes:
+    """Rotation and direction of t away from the first rig, each held until the next one took its place."""
+    from matplotlib.dates import AutoDateLocator, ConciseDateFormatter
+
+    figure = blank_figure(8.0, 4.0)
+    axis: Any = figure.subplots()
+    for label, values in (
+        ("rotation", [difference.rotation_deg for difference in since_first]),
+        ("direction of t", [difference.translation_deg for difference in since_first]),
+    ):
+        axis.step(times, values, where="post", marker="o", label=label)
+    locator = AutoDateLocator()
+    axis.xaxis.set_major_locator(locator)
+    axis.xaxis.set_major_formatter(ConciseDateFormatter(locator))
+    axis.set_xlabel("time, UTC")
+    axis.set_ylabel("drift since the first entry, deg")
+    axis.set_ylim(bottom=0)
+    axis.grid(alpha=0.3)
+    axis.legend()
+    return png_bytes(figure)

@@ -5,21 +5,18 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import replace
 
+from retrue.capture import Capture
 from retrue.recalibration.result import Accepted, Evidence, PoseSigma, Refused
-from retrue.report.evidence_tables import evidence_blocks
-from retrue.report.lengths import LengthUnit, degrees, figures, pixels, shown_unit
+from retrue.report.evidence_tables import change_table, evidence_blocks, pose_table
+from retrue.report.lengths import LengthUnit, degrees, pixels, problem_and_advice, sentence, shown_unit
 from retrue.report.page import Fact, Page, Section
-from retrue.report.pose_table import change_table, pose_table
 from retrue.report.residual_section import median_residual, residual_section
-from retrue.report.rig_scene import change_scene, cloud_of
-from retrue.report.seen import SeenCapture
-from retrue.report.words import problem_and_advice, sentence
+from retrue.report.scene import change_scene, cloud_of
 from retrue.rig import Rig
+from retrue.shown import figures
 
 
-def recalibration_page(
-    before: Rig, captures: Sequence[SeenCapture], result: Accepted | Refused, *, out: str = ""
-) -> Page:
+def recalibration_page(before: Rig, captures: Sequence[Capture], result: Accepted | Refused, *, out: str = "") -> Page:
     """What was seen, which pose was taken and why, how far it is from the old one, and how sure that is.
 
     Parameters
@@ -77,7 +74,7 @@ def _scene_lead(result: Accepted | Refused) -> str:
 
 
 def _facts(
-    before: Rig, after: Rig | None, captures: Sequence[SeenCapture], evidence: Evidence, unit: LengthUnit
+    before: Rig, after: Rig | None, captures: Sequence[Capture], evidence: Evidence, unit: LengthUnit
 ) -> tuple[Fact, ...]:
     change, sigma = evidence.change, evidence.sigma or PoseSigma(float("nan"), float("nan"))
     if after is None or change is None:

@@ -4,17 +4,18 @@ from __future__ import annotations
 
 import numpy as np
 
+from retrue.capture import Capture
 from retrue.reconstruction.cloud import Cloud
 from retrue.report.evidence_tables import detail_rows
-from retrue.report.lengths import figures, pixels, shown_unit
+from retrue.report.lengths import pixels, shown_unit
 from retrue.report.page import Fact, Page, Section, Table
 from retrue.report.residual_section import median_residual, residual_section
-from retrue.report.rig_scene import rig_scene
-from retrue.report.seen import SeenCapture
+from retrue.report.scene import rig_scene
 from retrue.rig import Rig
+from retrue.shown import figures
 
 
-def reconstruction_page(rig: Rig, capture: SeenCapture, cloud: Cloud, *, faces: int | None = None) -> Page:
+def reconstruction_page(rig: Rig, capture: Capture, cloud: Cloud, *, faces: int | None = None) -> Page:
     """The cloud in space, what was left out of it, and how well the rays meet; `faces` of the mesh, if one was made."""
     unit = shown_unit(rig.unit)
     depth = cloud.points[:, 2]

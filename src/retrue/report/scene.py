@@ -1,4 +1,4 @@
-"""The devices, planes and points in space, to turn with the mouse.
+"""A rig, its planes and what it measured, in space, to turn with the mouse.
 
 Plotly's z points up, a camera's y points down: z here is the camera's y, drawn the other way round.
 """
@@ -11,23 +11,30 @@ from typing import Any
 
 import numpy as np
 
+from retrue.capture import Capture
+from retrue.errors import DegenerateError
 from retrue.geometry.arrays import FloatArray
 from retrue.geometry.camera import Camera
 from retrue.geometry.plane import Plane
 from retrue.geometry.transform import RigidTransform
+from retrue.recalibration.result import PoseCandidate
 from retrue.reconstruction.cloud import Cloud
+from retrue.reconstruction.reconstruct import reconstruct
+from retrue.report.evidence_tables import candidate_name
 from retrue.report.figures import every, harmless, hex_colors, numbers, polyline
 from retrue.report.lengths import LengthUnit
-from retrue.report.page import Chart
+from retrue.report.page import Block, Chart, Text
+from retrue.rig import Rig
 
-MOST_POINTS = 8000
+MOST_IN_SPACE = 8000
 FRUSTUM_SHARE = 0.16  # of the distance to the scene, so that a device is seen but hides nothing
 STRAY_SHARE = 0.005  # of the points, at either end of each axis: strays must not shrink the rest
 NEAR_PLANE = 0.01  # of the distance: what is drawn as lying on it
 EYE = np.array([0.95, -0.75, 0.5])  # in Plotly's axes: x to the right, y away from the camera, z up
 EYE_DISTANCE = 0.85  # of the box's diagonal
-ORIGIN = RigidTransform(np.eye(3), np.zeros(3))
 Trace = dict[str, Any]
+HOW_TO_TURN = "Drag to turn, scroll to zoom; a click on a name hides or shows it."
+NOTHING_TO_DRAW = Text("Nothing to draw: no point lies in front of both devices.")
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -54,7 +61,7 @@ def scene_chart(
     """Everything in one space; `points` (N, 3) say what must be in view, strays excepted."""
     length = FRUSTUM_SHARE * float(np.median(points[:, 2])) if len(points) else 1.0
     outlines = [_outline(device, length) for device in devices]
-    low, high = _bounds(points, np.concatenate(outlines))
+    low, high = _bounds(points, np.concatenate([np.zeros((1, 3)), *outlines]))
     drawn = [*traces]
     for device, outline in zip(devices, outlines, strict=True):
         drawn += _frustum(device, outline, unit)
@@ -82,7 +89,7 @@ def scene_chart(
 
 def cloud_trace(cloud: Cloud, unit: LengthUnit, name: str, *, color: str | None = None, shown: bool = True) -> Trace:
     """The points (thinned) in the colors of the capture, or all in one; where there are no colors, by depth."""
-    rows = every(len(cloud), MOST_POINTS)
+    rows = every(len(cloud), MOST_IN_SPACE)
     colors = cloud.colors[rows]
     marker: dict[str, Any] = {"size": 2.2, "line": {"width": 0}}
     if color is not None:
@@ -142,10 +149,7 @@ def outline_trace(corners: FloatArray, unit: LengthUnit, name: str, color: str, 
 
 def _outline(device: Device, length: float) -> FloatArray:
     """(5, 3) the centre and the corners of the picture at that depth, in the camera frame."""
-    width, height = device.device.size
-    corners = np.array([[0, 0], [width, 0], [width, height], [0, height]]) - 0.5
-    rays = np.column_stack([device.device.normalise(corners), np.ones(4)]) * length
-    return device.camera_from_device.apply(np.concatenate([np.zeros((1, 3)), rays]))
+    return device.camera_from_device.apply(np.concatenate([np.zeros((1, 3)), device.device.frustum(length)]))
 
 
 def _frustum(device: Device, outline: FloatArray, unit: LengthUnit) -> list[Trace]:
@@ -201,3 +205,78 @@ def _bounds(points: FloatArray, always: FloatArray) -> tuple[FloatArray, FloatAr
         low, high = np.minimum(low, inner[0]), np.maximum(high, inner[1])
     room = 0.04 * float((high - low).max())
     return low - room, high + room
+
+
+def cloud_of(rig: Rig, captures: Sequence[Capture]) -> Cloud | None:
+    """The points of all captures under one rig; None where there are none."""
+    clouds: list[Cloud] = []
+    for capture in captures:
+        try:
+            clouds.append(reconstruct(rig, capture.points))
+        except DegenerateError:
+            continue
+    if not clouds:
+        return None
+    return Cloud(
+        np.concatenate([cloud.points for cloud in clouds]),
+        np.concatenate([cloud.colors for cloud in clouds]),
+        np.concatenate([cloud.camera_px for cloud in clouds]),
+        rig.unit,
+    )
+
+
+def rig_scene(rig: Rig, cloud: Cloud | None, unit: LengthUnit, supported: RigidTransform | None = None) -> Block:
+    """Both devices as the rig says, and the cloud; beside them, where a capture has the projector."""
+    if cloud is None:
+        return NOTHING_TO_DRAW
+    devices = [
+        Device("camera", rig.camera, RigidTransform.identity(), "var(--camera)"),
+        Device("projector", rig.projector, rig.projector_from_camera.inverse(), "var(--after)"),
+    ]
+    if supported is not None:
+        name = "projector, as the capture has it"
+        devices.append(Device(name, rig.projector, supported.inverse(), "var(--mark)", faint=True))
+    return scene_chart(
+        devices, [cloud_trace(cloud, unit, "points")], cloud.points, unit, "Devices and points in space", HOW_TO_TURN
+    )
+
+
+def change_scene(
+    before: Rig, after: Rig | None, candidates: Sequence[PoseCandidate], cloud: Cloud | None, unit: LengthUnit
+) -> Block:
+    """Camera, projector before and after, planes, the twin in grey, the cloud."""
+    if cloud is None:
+        return NOTHING_TO_DRAW
+    devices = [Device("camera", before.camera, RigidTransform.identity(), "var(--camera)")]
+    old = before.projector_from_camera.inverse()
+    devices.append(Device("projector before", before.projector, old, "var(--before)", faint=after is not None))
+    traces: list[Trace] = [cloud_trace(cloud, unit, "points")]
+    if after is not None:
+        new = after.projector_from_camera.inverse()
+        devices.append(Device("projector after", after.projector, new, "var(--after)"))
+    for index, candidate in enumerate(candidates):
+        if candidate.chosen:
+            traces += _planes(candidate, cloud, unit)
+            continue
+        name = candidate_name(candidates, index)
+        pose = candidate.projector_from_camera.inverse()
+        color = "var(--mark)" if after is None and index == 0 else "var(--twin)"
+        devices.append(Device(name, before.projector, pose, color, faint=True))
+    return scene_chart(
+        devices,
+        traces,
+        cloud.points,
+        unit,
+        "Camera, projector before and after, planes and points in space",
+        f"{HOW_TO_TURN} Thin frusta are poses that were not taken, though on the plane the grey one fits as well.",
+    )
+
+
+def _planes(candidate: PoseCandidate, cloud: Cloud, unit: LengthUnit) -> list[Trace]:
+    """The planes of a candidate where the cloud shows them."""
+    several = len(candidate.planes) > 1
+    found = [
+        plane_trace(plane, cloud.points, unit, f"plane {number}" if several else "plane", "var(--plane)")
+        for number, plane in enumerate(candidate.planes, 1)
+    ]
+    return [trace for trace in found if trace is not None]

@@ -6,18 +6,18 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from retrue.capture import Capture
 from retrue.recalibration.result import Verification
-from retrue.report.lengths import degrees, figures, pixels, shown_unit
+from retrue.report.evidence_tables import change_table
+from retrue.report.lengths import degrees, pixels, problem_and_advice, shown_unit
 from retrue.report.page import Block, Fact, Page, Section, Table
-from retrue.report.pose_table import change_table
 from retrue.report.residual_section import median_residual, residual_section
-from retrue.report.rig_scene import cloud_of, rig_scene
-from retrue.report.seen import SeenCapture
-from retrue.report.words import problem_and_advice
+from retrue.report.scene import cloud_of, rig_scene
 from retrue.rig import Rig
+from retrue.shown import figures
 
 
-def verification_page(rig: Rig, captures: Sequence[SeenCapture], verification: Verification) -> Page:
+def verification_page(rig: Rig, captures: Sequence[Capture], verification: Verification) -> Page:
     """Whether the captures fit the rig, what they support instead, and how sure that is."""
     unit, cloud = shown_unit(rig.unit), cloud_of(rig, captures)
     distance = None if cloud is None else float(np.median(cloud.points[:, 2]))

@@ -16,8 +16,8 @@ from retrue.simulation.surfaces import Paint, Wall
 
 LARGEST_ERROR_PX = 0.05
 SPREAD_PX = 2.5  # standard deviation of a dot
-REACH = 5.0  # of a dot, in standard deviations
-TEXELS = 101
+DOT_SIGMAS = 5.0  # of a dot, in standard deviations
+DOT_TEXELS = 101
 WALL = 9.0  # half its size, in distances
 SHARES = (0.12, 0.5, 0.88)  # of the picture's width and height: where the dots are
 
@@ -48,8 +48,8 @@ def require_true_dots(stage: Stage) -> dict[str, float]:
 def _camera_error(stage: Stage, asked: FloatArray) -> float:
     camera, mitsuba = stage.rig.camera, load_mitsuba()
     pinhole = covering_pinhole(camera, SCALE)
-    half = REACH * SPREAD_PX * stage.distance / float(camera.K[0, 0])
-    edge = np.linspace(-REACH, REACH, TEXELS + 1)
+    half = DOT_SIGMAS * SPREAD_PX * stage.distance / float(camera.K[0, 0])
+    edge = np.linspace(-DOT_SIGMAS, DOT_SIGMAS, DOT_TEXELS + 1)
     middle = (edge[1:] + edge[:-1]) / 2
     dot = np.exp(-0.5 * (middle[:, None] ** 2 + middle**2))[..., None].repeat(3, axis=-1)
     glow: Properties = {"type": "area", "radiance": bitmap(mitsuba, dot)}
@@ -69,7 +69,7 @@ def _projector_error(stage: Stage, asked: FloatArray) -> float:
     rig = stage.rig
     rays = np.column_stack([rig.camera.unproject(asked), np.ones(len(asked))])
     thrown = rig.projector.project(rig.projector_from_camera.apply(stage.distance * rays))
-    dots = np.round(thrown[rig.projector.contains(np.nan_to_num(thrown, nan=-1e9), margin=-REACH * SPREAD_PX)])
+    dots = np.round(thrown[rig.projector.contains(np.nan_to_num(thrown, nan=-1e9), margin=-DOT_SIGMAS * SPREAD_PX)])
     if len(dots) == 0:
         raise InputError(
             f"simulate: expected camera and projector to see one place, but at distance {stage.distance:g} {rig.unit} "
@@ -98,7 +98,7 @@ def _projector_error(stage: Stage, asked: FloatArray) -> float:
 
 def _centroid(picture: FloatArray, near: FloatArray) -> FloatArray:
     """(x, y) of the dot near a pixel; NaN where there is none."""
-    reach = int(2 * REACH * SPREAD_PX)
+    reach = int(2 * DOT_SIGMAS * SPREAD_PX)
     height, width = picture.shape
     x, y = (int(value) for value in np.round(near))
     left, right, top, bottom = (

@@ -14,7 +14,7 @@ from retrue.simulation.mitsuba_views import covering_pinhole, emitter, sensor, t
 
 SCALE = 2  # pixels of the rendered picture for one of the camera, per axis
 
-HERE = RigidTransform(np.eye(3), np.zeros(3))
+HERE = RigidTransform.identity()
 
 
 @dataclass(frozen=True, slots=True, eq=False)

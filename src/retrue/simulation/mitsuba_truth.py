@@ -12,8 +12,9 @@ from retrue.geometry.transform import RigidTransform
 from retrue.simulation.mitsuba_scene import load_mitsuba
 from retrue.simulation.mitsuba_stage import HERE, Stage
 from retrue.simulation.mitsuba_views import FINEST, covering_pinhole, sensor
+from retrue.simulation.scene import NOTHING
+from retrue.values import ByValue
 
-NOTHING = -1
 SAME_POINT = 1e-3  # of the depth: two rays that end nearer than this to each other hit one point
 
 
@@ -71,7 +72,7 @@ class SurfaceMap:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Truth:
+class Truth(ByValue):
     """At the centres of the camera's pixels, and of what was asked for in the projector's picture.
 
     Attributes

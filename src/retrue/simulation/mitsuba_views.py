@@ -18,7 +18,7 @@ from retrue.geometry.transform import RigidTransform
 from retrue.simulation.camera_model import gaussian_blur
 from retrue.simulation.mitsuba_scene import Properties, bitmap, to_world
 
-MARGIN = 2  # pixels of the covering picture beyond the device's own
+MARGIN_PX = 2  # pixels of the covering picture beyond the device's own
 FINEST = 2  # texels of the projected picture in a pixel of the projector, per axis
 WIDEST = 20.0  # half the picture over the focal length: beyond, a lens model has folded
 
@@ -31,8 +31,8 @@ def covering_pinhole(device: Camera, scale: int) -> Camera:
     focal = float(max(device.K[0, 0], device.K[1, 1]))
     middle = (scale - 1) / 2
     bounds = focal * _border_rays(device) + device.K[:2, 2]
-    first = np.floor(scale * bounds.min(axis=0) + middle) - MARGIN
-    last = np.ceil(scale * bounds.max(axis=0) + middle) + MARGIN
+    first = np.floor(scale * bounds.min(axis=0) + middle) - MARGIN_PX
+    last = np.ceil(scale * bounds.max(axis=0) + middle) + MARGIN_PX
     width, height = (last - first + 1).astype(int).tolist()
     x, y = scale * device.K[:2, 2] + middle - first
     return Camera((width, height), np.array([[scale * focal, 0, x], [0, scale * focal, y], [0, 0, 1]]))
@@ -104,7 +104,7 @@ def _drawn_beforehand(projector: Camera, shown: FloatArray) -> tuple[FloatArray,
     Returns the texture and half of its width over the focal length.
     """
     focal = FINEST * float(max(projector.K[0, 0], projector.K[1, 1]))
-    columns, rows = (int(np.ceil(side)) + MARGIN for side in focal * np.abs(_border_rays(projector)).max(axis=0))
+    columns, rows = (int(np.ceil(side)) + MARGIN_PX for side in focal * np.abs(_border_rays(projector)).max(axis=0))
     x, y = np.arange(-columns, columns) + 0.5, np.arange(-rows, rows) + 0.5
     pixels = projector.pixels_from_rays(np.stack(np.meshgrid(x, y), axis=-1) / focal)
     inside = projector.contains(pixels)

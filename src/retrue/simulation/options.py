@@ -6,6 +6,7 @@ import math
 from dataclasses import dataclass
 
 from retrue.errors import InputError
+from retrue.ranges import check_ranges, ranged
 
 
 @dataclass(frozen=True, slots=True)
@@ -45,39 +46,22 @@ class SimulateOptions:
         A colour mosaic before the sensor.
     """
 
-    distance: float | None = None
-    seed: int = 0
-    samples: int = 16
-    bounces: int = 2
-    ambient: float = 0.03
-    projector_blur_px: float = 0.4
-    exposure: float = 0.7
-    blur_px: float = 0.6
-    vignetting: float = 0.1
-    mixing: float = 0.05
-    electrons: float = 20_000.0
-    read_noise: float = 5.0
-    gamma: float = 1.0
+    distance: float | None = ranged(None, 1e-12, 1e12)
+    seed: int = ranged(0, 0, 2**32 - 1)
+    samples: int = ranged(16, 4, 65536)
+    bounces: int = ranged(2, 1, 64)
+    ambient: float = ranged(0.03, 0, 100)
+    projector_blur_px: float = ranged(0.4, 0, 100)
+    exposure: float = ranged(0.7, 1e-6, 1e6)
+    blur_px: float = ranged(0.6, 0, 100)
+    vignetting: float = ranged(0.1, 0, 1)
+    mixing: float = ranged(0.05, 0, 0.5)
+    electrons: float = ranged(20_000.0, 1)
+    read_noise: float = ranged(5.0, 0, 1e9)
+    gamma: float = ranged(1.0, 0.1, 10)
     bayer: bool = False
 
     def __post_init__(self) -> None:
-        ranges = {
-            "distance": (self.distance, 1e-12, 1e12),
-            "seed": (self.seed, 0, 2**32 - 1),
-            "samples": (self.samples, 4, 65536),
-            "bounces": (self.bounces, 1, 64),
-            "ambient": (self.ambient, 0, 100),
-            "projector-blur-px": (self.projector_blur_px, 0, 100),
-            "exposure": (self.exposure, 1e-6, 1e6),
-            "blur-px": (self.blur_px, 0, 100),
-            "vignetting": (self.vignetting, 0, 1),
-            "mixing": (self.mixing, 0, 0.5),
-            "electrons": (self.electrons, 1, math.inf),
-            "read-noise": (self.read_noise, 0, 1e9),
-            "gamma": (self.gamma, 0.1, 10),
-        }
-        for name, (value, low, high) in ranges.items():
-            if value is not None and not low <= value <= high:
-                raise InputError(f"--{name}: expected {low:g} to {high:g}, found {value:g}")
+        check_ranges(self)
         if self.samples % 4 or math.isqrt(self.samples // 4) ** 2 != self.samples // 4:
-            raise InputError(f"--samples: expected 4 times a square number (4, 16, 36, 64 ...), found {self.samples}")
+            raise InputError(f"samples: expected 4 times a square number (4, 16, 36, 64 ...), found {self.samples}")

@@ -7,12 +7,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from retrue.errors import InputError
+from retrue.errors import InputError, require_kind
 from retrue.geometry.arrays import FloatArray, Image
 from retrue.patterns.color_grid import ColorGrid
 from retrue.patterns.gray_code import GrayCode
 from retrue.patterns.pattern import Pattern
-from retrue.rig import Rig
+from retrue.rig import Rig, require_rig
+from retrue.shown import ShortRepr, Shown, counted
 from retrue.simulation.built_in_scenes import SCENES, built_in_scene, meeting_distance
 from retrue.simulation.camera_model import CameraModel
 from retrue.simulation.mitsuba_check import require_true_dots
@@ -21,14 +22,15 @@ from retrue.simulation.mitsuba_stage import Stage
 from retrue.simulation.mitsuba_truth import Truth, find_truth
 from retrue.simulation.mitsuba_views import blurred_raster
 from retrue.simulation.options import SimulateOptions
+from retrue.values import ByValue
 
 GRAY_POINTS_EVERY = 16  # projector pixels, of a Gray code's true correspondences
 
 Progress = Callable[[int, int], None]
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class Simulated:
+@dataclass(frozen=True, slots=True, eq=False, repr=False)
+class Simulated(ByValue, ShortRepr):
     """What `simulate` made.
 
     Attributes
@@ -41,6 +43,11 @@ class Simulated:
     pictures: Mapping[str, Image]
     truth: Truth
     dot_errors_px: Mapping[str, float]
+
+    def _shown(self) -> Shown:
+        height, width = self.truth.depth.shape
+        title = f"{counted(len(self.pictures), 'picture')} of {width} x {height} px"
+        return title, {"truth": f"depth, and {counted(len(self.truth.camera_px), 'point')} of the pattern"}
 
 
 def simulate(
@@ -64,7 +71,10 @@ def simulate(
         no Mitsuba, no such scene, a pattern for another projector, devices that see nothing together, or
         rendered dots that miss their place by more than 0.05 px.
     """
+    require_rig(rig)
+    require_kind(pattern, (ColorGrid, GrayCode), "pattern", "retrue.read_pattern reads one")
     options = options or SimulateOptions()
+    require_kind(options, SimulateOptions, "options")
     if pattern.projector_size != rig.projector.size:
         raise InputError(
             "simulate: expected a pattern for the rig's projector, {} x {}, found one for {} x {}".format(

@@ -8,13 +8,12 @@ from pathlib import Path
 from typing import Any, cast
 
 from retrue.errors import FileError, InputError
+from retrue.files.atomic import read_text
 from retrue.files.history import HistoryEntry, read_history
-from retrue.files.model_reader import read_model
-from retrue.files.models import MESH_ENDINGS
+from retrue.files.models import MESH_ENDINGS, read_model
 from retrue.files.points import read_points
 from retrue.files.rig_json import parse_json
 from retrue.files.rigs import read_rig
-from retrue.files.text import read_text
 from retrue.geometry.transform import RigidTransform
 from retrue.reconstruction.cloud import Cloud, Mesh
 from retrue.reconstruction.reconstruct import reconstruct

@@ -15,17 +15,17 @@ from retrue.geometry.camera import Camera
 from retrue.geometry.transform import RigidTransform
 from retrue.reconstruction.cloud import Cloud, Mesh
 from retrue.rig import Rig
-from retrue.units import metres_per
+from retrue.units import METRES
 from retrue.viewer.contents import Candidate, Contents
 
-MOST_POINTS = 300_000
+MOST_SHOWN = 300_000
 MOST_FACES = 800_000
 MOST_ENTRIES = 200  # of a history
 CAMERA_COLOR = (30, 120, 220)
 PROJECTOR_COLOR = (230, 120, 20)
 TWIN_COLOR = (150, 150, 150)
 HISTORY_COLOR = (130, 60, 180)
-REACH = 0.35  # of the way to the middle of the scene that a frustum is drawn
+FRUSTUM_REACH = 0.35  # of the way to the middle of the scene that a frustum is drawn
 NEAR_BASELINES = 2.0  # the middle, in lengths of t, where nothing is there to see
 
 Color = tuple[int, int, int]
@@ -90,7 +90,7 @@ def make_scene(contents: Contents) -> Scene:
     shapes = tuple(_shape(name, model, notes) for name, model in contents.models.items())
     rigs = {name: rig for name, (rig, _) in contents.rigs.items()}
     middle = _middle(shapes, list(rigs.values()))
-    reach = REACH * float(np.linalg.norm(middle))
+    reach = FRUSTUM_REACH * float(np.linalg.norm(middle))
     frusta = [frustum for name, rig in rigs.items() for frustum in _devices(name, rig, reach)]
     if contents.candidates and not rigs:
         raise InputError("candidates need the rig that they are poses of: give its file too")
@@ -120,10 +120,7 @@ def _none_chosen(candidates: Sequence[Candidate]) -> bool:
 
 def _metres(unit: str) -> float:
     """Units that nobody knows are shown as they are."""
-    try:
-        return metres_per(unit)
-    except InputError:
-        return 1.0
+    return METRES.get(unit.strip().lower(), 1.0)
 
 
 def _shape(name: str, model: Cloud | Mesh, notes: list[str]) -> Shape:
@@ -132,7 +129,7 @@ def _shape(name: str, model: Cloud | Mesh, notes: list[str]) -> Shape:
         return Shape(name, points, colors, model.faces)
     if isinstance(model, Mesh):
         notes.append(f"{name}: {len(model.faces)} faces are too many for a browser; shown as points")
-    step = -(-len(points) // MOST_POINTS)
+    step = -(-len(points) // MOST_SHOWN)
     if step > 1:
         notes.append(f"{name}: thinned to {len(points[::step])} of {len(points)} points")
     return Shape(name, points[::step], colors[::step])
@@ -147,8 +144,7 @@ def _middle(shapes: Sequence[Shape], rigs: Sequence[Rig]) -> FloatArray:
 
 
 def _devices(name: str, rig: Rig, reach: float) -> list[Frustum]:
-    identity = RigidTransform(np.eye(3), np.zeros(3))
-    lines = _lines(rig.camera, identity, reach)
+    lines = _lines(rig.camera, RigidTransform.identity(), reach)
     camera = Frustum(f"{name}/camera", lines, CAMERA_COLOR, "camera", lines[0, 0])
     return [camera, _projector(f"{name}/projector", rig, reach, PROJECTOR_COLOR, "projector")]
 
@@ -163,11 +159,7 @@ def _projector(name: str, rig: Rig, reach: float, color: Color, label: str, labe
 
 def _lines(device: Camera, camera_from_device: RigidTransform, reach: float) -> FloatArray:
     """Eight lines (8, 2, 3): four rays of that length in depth, and the sides of the picture there."""
-    width, height = device.size
-    corners = [[-0.5, -0.5], [width - 0.5, -0.5], [width - 0.5, height - 0.5], [-0.5, height - 0.5]]
-    rays = device.unproject(corners)
-    rays = np.where(np.isfinite(rays), rays, device.normalise(corners))
-    far = camera_from_device.apply(np.column_stack([rays, np.ones(4)]) * reach)
+    far = camera_from_device.apply(device.frustum(reach))
     centre = np.tile(camera_from_device.t, (4, 1))
     return np.concatenate([np.stack([centre, far], axis=1), np.stack([far, np.roll(far, -1, axis=0)], axis=1)])
 

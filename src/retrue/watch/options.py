@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from retrue.errors import InputError
+from retrue.ranges import check_ranges, ranged
 
 
 @dataclass(frozen=True, slots=True)
@@ -33,26 +34,20 @@ class WatchOptions:
         End when a folder had nothing new for so long. Without it a watch goes on until it is stopped.
     """
 
-    drifted_frames: int = 3
-    joint_frames: int = 5
-    remembered_frames: int = 8
-    forget_after: int = 10
-    queue: int = 4
-    poll_seconds: float = 0.2
-    settle_seconds: float = 0.5
-    patience_seconds: float = 10.0
-    idle_seconds: float | None = None
+    drifted_frames: int = ranged(3, 1)
+    joint_frames: int = ranged(5, 1)
+    remembered_frames: int = ranged(8, 1)
+    forget_after: int = ranged(10, 1)
+    queue: int = ranged(4, 1)
+    poll_seconds: float = ranged(0.2, 0, 1e6)
+    settle_seconds: float = ranged(0.5, 0, 1e6)
+    patience_seconds: float = ranged(10.0, 0, 1e6)
+    idle_seconds: float | None = ranged(None, 0, 1e6)
 
     def __post_init__(self) -> None:
-        for name in ("drifted_frames", "joint_frames", "queue"):
-            if not getattr(self, name) >= 1:
-                raise InputError(f"{name}: expected at least 1, found {getattr(self, name)}")
+        check_ranges(self)
         if not self.remembered_frames >= self.drifted_frames:
             raise InputError(
                 f"remembered_frames: expected at least {self.drifted_frames} as drifted_frames says, "
                 f"found {self.remembered_frames}"
             )
-        for name in ("poll_seconds", "settle_seconds", "patience_seconds", "idle_seconds"):
-            value = getattr(self, name)
-            if value is not None and not 0 <= value <= 1e6:
-                raise InputError(f"{name}: expected 0 to a million seconds, found {value}")

@@ -9,9 +9,8 @@ from pathlib import Path
 from typing import Any, cast
 
 from retrue.errors import FileError
-from retrue.files.atomic import replaced_file
+from retrue.files.atomic import read_text, replaced_file
 from retrue.files.rig_json import parse_json
-from retrue.files.text import read_text
 
 FORMAT = "retrue-watch"
 LARGEST_STATE = 16 * 2**20  # bytes

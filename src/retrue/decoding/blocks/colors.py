@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from retrue.geometry.arrays import FloatArray, IntArray
-from retrue.geometry.compiling import MATRIX, OUT_MATRIX, OUT_VECTOR, STACK, compiled, numba
+from retrue.kernels import blobs as kernel
 
 DISPLAY_GAMMA = 2.2
 PURE_SHARE = 0.06  # of the blocks, the purest red ones (green, blue) that show what red light looks like
@@ -38,23 +38,12 @@ class Colors:
         return _nearest(amounts / np.maximum(level, 1e-9), self.centres)
 
 
-def local_level(amounts: FloatArray) -> FloatArray:
-    """Level of white (N, 3) from the amounts (N, M, 3) in M blocks around each: the brightest of each channel."""
-    level = np.empty((len(amounts), 3))
-    _brightest(np.ascontiguousarray(amounts), level)
+def local_level(amounts: FloatArray, around: IntArray) -> FloatArray:
+    """Level of white (N, 3) about each block: of each channel the brightest of `amounts` (M, 3) in the blocks `around`
+    it, (N, K) indices or -1, but not below a part of the brightest channel."""
+    level = np.empty((len(around), 3))
+    kernel.brightest(amounts, around, level)
     return level
-
-
-@compiled(numba.void(STACK, OUT_MATRIX))
-def _brightest(amounts: FloatArray, level: FloatArray) -> None:
-    for n in range(len(amounts)):
-        level[n] = amounts[n, 0]
-        for m in range(1, amounts.shape[1]):
-            for c in range(3):
-                level[n, c] = max(level[n, c], amounts[n, m, c])
-        least = 0.15 * max(level[n, 0], level[n, 1], level[n, 2])
-        for c in range(3):
-            level[n, c] = max(level[n, c], least)
 
 
 def separate_colors(added: FloatArray, around: IntArray, palette: ArrayLike) -> tuple[Colors, IntArray, FloatArray]:
@@ -69,9 +58,7 @@ def separate_colors(added: FloatArray, around: IntArray, palette: ArrayLike) -> 
     centres = palette / np.maximum(palette.max(axis=0), 1e-9)
     unmixing = _unmixing(np.maximum(added, 0.0), palette)
     amounts = Colors(unmixing, centres).amounts(added)
-    seen = amounts / np.maximum(
-        local_level(amounts[np.where(around >= 0, around, np.arange(len(amounts))[:, None])]), 1e-9
-    )
+    seen = amounts / np.maximum(local_level(amounts, around), 1e-9)
     for _ in range(ROUNDS):
         label, margin = _nearest(seen, centres)
         member = np.where(margin > SURE_MARGIN, label, len(centres))
@@ -90,38 +77,30 @@ def _unmixing(light: FloatArray, palette: FloatArray) -> FloatArray:
     """
     total = light.sum(axis=1)
     usable = total > 0
-    scale = np.percentile(light[usable], 95, axis=0) if usable.any() else np.ones(3)
+    scale = _quantile(light[usable], 0.95) if usable.any() else np.ones(3)
     scaled = light / np.maximum(scale, 1e-9)
     to_scale = np.diag(1 / np.maximum(scale, 1e-9))
-    pure = [np.any((palette[:, c] > 0.5) & (np.delete(palette, c, axis=1) < 0.1).all(axis=1)) for c in range(3)]
+    lit, dark = palette > 0.5, palette < 0.1
+    pure = [(lit[:, c] & dark[:, c - 1] & dark[:, c - 2]).any() for c in range(3)]
     if usable.sum() < 30 or not all(pure):
         return to_scale
     chroma = scaled[usable] / scaled[usable].sum(axis=1, keepdims=True)
     count = max(3, int(PURE_SHARE * len(chroma)))
-    corners = np.stack(
-        [np.median(chroma[np.argpartition(chroma[:, c], -count)[-count:]], axis=0) for c in range(3)], axis=-1
-    )
+    purest = [chroma[np.argpartition(chroma[:, c], -count)[-count:]] for c in range(3)]
+    corners = np.stack([_quantile(blocks, 0.5) for blocks in purest], axis=-1)
     if not (np.linalg.det(corners) > 0.05):
         return to_scale
     return np.linalg.inv(corners) @ to_scale
 
 
+def _quantile(values: FloatArray, share: float) -> FloatArray:
+    """(K,) the value below which that share of each column of (N, K) lies, between the two next to it."""
+    ordered, at = np.sort(values, axis=0), share * (len(values) - 1)
+    below = ordered[int(at)]
+    return below + (at - int(at)) * (ordered[min(int(at) + 1, len(values) - 1)] - below)
+
+
 def _nearest(seen: FloatArray, centres: FloatArray) -> tuple[IntArray, FloatArray]:
-    label, margin = np.zeros(len(seen), dtype=np.int64), np.zeros(len(seen))
-    _find_nearest(np.ascontiguousarray(seen), np.ascontiguousarray(centres), label, margin)
+    label, margin = np.empty(len(seen), np.int64), np.empty(len(seen))
+    kernel.nearest_colors(seen, centres, label, margin)
     return label, margin
-
-
-@compiled(numba.void(MATRIX, MATRIX, numba.types.Array(numba.int64, 1, "C"), OUT_VECTOR))
-def _find_nearest(seen: FloatArray, centres: FloatArray, label: IntArray, margin: FloatArray) -> None:
-    for n in range(len(seen)):
-        first, second = np.inf, np.inf
-        for k in range(len(centres)):
-            r, g, b = seen[n, 0] - centres[k, 0], seen[n, 1] - centres[k, 1], seen[n, 2] - centres[k, 2]
-            distance = r * r + g * g + b * b
-            if distance < first:
-                first, second, label[n] = distance, first, k
-            elif distance < second:
-                second = distance
-        first, second = np.sqrt(first), np.sqrt(second)
-        margin[n] = (second - first) / max(second + first, 1e-9)

@@ -2,15 +2,14 @@
 
 from __future__ import annotations
 
-from typing import Any, cast
+from typing import cast
 
 import cv2
 import numpy as np
 
-from retrue.correspondences import Correspondences
-from retrue.decoding.blocks.advice import advise
+from retrue.correspondences import Card, Correspondences
 from retrue.decoding.blocks.look import look
-from retrue.decoding.blocks.sight import GridSight
+from retrue.decoding.blocks.sight import GridSight, advise
 from retrue.errors import InputError
 from retrue.geometry.arrays import FloatArray, Image
 from retrue.patterns.color_grid import ColorGrid
@@ -37,7 +36,7 @@ def decode_color_grid(
     -------
     Correspondences
         one point a block: the image of its centre, and that centre in the projector; `cells` are (row, column)
-        of the code. `card`: blocks_seen, decoded, rejected {reason: count}, coverage, block_px, advice.
+        of the code. The card counts blocks, and tells their side, `block_px`.
 
     Raises
     ------
@@ -76,14 +75,15 @@ def correspondences_of(sight: GridSight) -> Correspondences:
     pattern = sight.pattern
     h, w = sight.picture.shape[:2]
     decoded, rejected = len(cells), sight.rejected()
-    card: dict[str, Any] = {
-        "blocks_seen": decoded + sum(rejected.values()),
-        "decoded": decoded,
-        "rejected": rejected,
-        "coverage": round(_coverage(sight.centre_px[row, column], w, h), 3),
-        "block_px": round(sight.block_px, 1),
-        "advice": advise(sight, decoded),
-    }
+    card = Card(
+        "blocks",
+        seen=decoded + sum(rejected.values()),
+        decoded=decoded,
+        rejected=rejected,
+        coverage=round(_coverage(sight.centre_px[row, column], w, h), 3),
+        advice=tuple(filter(None, [advise(sight, decoded)])),
+        details={"block_px": round(sight.block_px, 1)},
+    )
     return Correspondences(
         sight.centre_px[row, column],
         pattern.centres()[row, column],

@@ -1,4 +1,4 @@
-"""Where a surface goes on: the picture is asked for the blocks that the blobs did not give."""
+"""Where a surface goes on: is there a whole block, and where exactly? The picture is asked at that very place."""
 
 from __future__ import annotations
 
@@ -7,10 +7,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from retrue.decoding.blocks.colors import Colors, local_level
-from retrue.decoding.blocks.nearest import nearest
-from retrue.decoding.blocks.patches import look_at
-from retrue.decoding.blocks.surface import Joints, shifted, slopes
+from retrue.decoding.blocks.links import NONE, nearest
+from retrue.decoding.blocks.surface import Joints, lengths, slopes
 from retrue.geometry.arrays import BoolArray, FloatArray, Image, IntArray
+from retrue.kernels import profiles as kernel
 
 SIDES = ((0, 1), (1, 0), (0, -1), (-1, 0))  # (down, right), in the order right, down, left, up
 ROUNDS = 8
@@ -18,6 +18,59 @@ MISFIT = 1.25  # most of a new block: wrong ones reached down to 1.6
 CUT_MISFIT = 2.0  # most of a block that its colours placed
 DOUBT = 0.017  # pitches that a new block of misfit 1 is off, one standard deviation
 APART = 0.5  # pitches, least distance between two blocks
+SAMPLES = 15  # along a side of a patch
+FARTHEST = 0.06  # pitches from where the surface would have the block
+STRETCH = 0.25  # of its sides
+SKEW = 0.12  # pitches
+UNEVEN = 0.3  # of the step from block to gap, within the block
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Patches:
+    """What the picture shows at N predicted blocks.
+
+    Attributes
+    ----------
+    light : (N, 3) what the middle of the block adds to the darkest place of its pitch.
+    offset : (N, 2) of the block from the prediction, along u and v in pitches; NaN where a side is missing.
+    stretch : (N, 2) width and height over the expected ones, minus one.
+    skew : (N,) largest distance between the two halves of one side, in pitches.
+    uneven : (N,) 90th percentile of the distance from the middle's colour, in steps from block to gap.
+    """
+
+    light: FloatArray
+    offset: FloatArray
+    stretch: FloatArray
+    skew: FloatArray
+    uneven: FloatArray
+
+    def misfit(self) -> FloatArray:
+        """(N,) how unlike one whole block, where it should be, each is: sum of squares over their usual limits.
+
+        NaN where a side is missing.
+        """
+        offset, stretch = _larger(self.offset) / FARTHEST, _larger(self.stretch) / STRETCH
+        return offset**2 + stretch**2 + (self.skew / SKEW) ** 2 + (self.uneven / UNEVEN) ** 2
+
+
+def _larger(pairs: FloatArray) -> FloatArray:
+    return np.maximum(np.abs(pairs[:, 0]), np.abs(pairs[:, 1]))
+
+
+def readable(picture: Image) -> tuple[Image, int, int, FloatArray]:
+    """`picture` (h, w, 3) as kernels read it: its pixels in a row, height, width, and the number of each value."""
+    height, width, _ = picture.shape
+    return picture.reshape(-1), height, width, np.arange(256.0**picture.itemsize)
+
+
+def look_at(picture: Image, p: FloatArray, u: FloatArray, v: FloatArray, duty: float) -> Patches:
+    """Blocks at p (N, 2) with pitches u and v; a side is where the colour turns half way into another one.
+
+    The other colour is that of the gap, or of whatever hides the gap: only the block's own colour is known.
+    """
+    found, room = np.empty((len(p), 9)), (np.empty((SAMPLES, SAMPLES, 3)), np.empty(SAMPLES**2))
+    kernel.look_at_patches(*readable(picture), p, u, v, duty, *room, found)
+    return Patches(found[:, :3], found[:, 3:5], found[:, 5:7], found[:, 7], found[:, 8])
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -48,7 +101,7 @@ def cut_blocks(picture: Image, position: FloatArray, joints: Joints, duty: float
     """(rows, columns) blocks at the rim of their surface that are not all there, or not where they were measured."""
     u, v, _ = slopes(position, joints)
     rim = np.isfinite(position[..., 0]) & ~joints.inside()
-    cut = rim & ~np.isfinite(u + v).all(axis=-1)
+    cut = rim & ~np.isfinite(u[..., 0] + v[..., 0])
     rim &= ~cut
     cut[rim] = ~(look_at(picture, position[rim], u[rim], v[rim], duty).misfit() < CUT_MISFIT)
     return cut
@@ -68,11 +121,9 @@ def grow(
     held = surfaces.held
     for _ in range(ROUNDS):
         u, v, _ = slopes(position, Joints(right, down))
-        able = fresh & np.isfinite(u + v).all(axis=-1)
-        ahead = np.argwhere(able[..., None] & ~np.stack([shifted(held, side, True) for side in SIDES], axis=-1))
-        if not len(ahead):
+        source, side = _ahead(fresh & np.isfinite(u[..., 0] + v[..., 0]), held)
+        if not len(source):
             break
-        source, side = ahead[:, :2], ahead[:, 2]
         step = np.array(SIDES)[side]
         target = source + step
         r, c = source.T
@@ -83,7 +134,7 @@ def grow(
         label = _labels(colors, seen, light, source)
         good = np.flatnonzero((unlike < MISFIT) & (label == code[target[:, 0], target[:, 1]]))
         p = p + found.offset[:, :1] * u + found.offset[:, 1:] * v
-        pitch = np.minimum(np.linalg.norm(u, axis=1), np.linalg.norm(v, axis=1))
+        pitch = np.minimum(lengths(u), lengths(v))
         good = good[_apart(p[good], APART * pitch[good], target[good] @ [code.shape[1], 1], position[held])]
         if not len(good):
             break
@@ -98,21 +149,34 @@ def grow(
     return Surfaces(position, light, doubt, misfit, Joints(right, down))
 
 
+def _ahead(able: BoolArray, held: BoolArray) -> tuple[IntArray, IntArray]:
+    """(row, column) (N, 2) of the `able` blocks, and the side (N,) on which each has none that is `held`."""
+    rows, columns = held.shape
+    padded = np.ones((rows + 2, columns + 2), dtype=bool)  # nothing is missing outside the code
+    padded[1:-1, 1:-1] = held
+    beside = [padded[1 + down : 1 + down + rows, 1 + right : 1 + right + columns] for down, right in SIDES]
+    row, column, side = np.nonzero(able[..., None] & ~np.stack(beside, axis=-1))
+    return np.stack([row, column], axis=-1), side
+
+
 def _labels(colors: Colors, seen: FloatArray, light: FloatArray, source: IntArray) -> IntArray:
     """Colour index (N,) of `seen` light (N, 3), by the level of the blocks about each `source` (N, 2)."""
-    padded = np.pad(light, ((1, 1), (1, 1), (0, 0)))
-    around = [padded[source[:, 0] + r, source[:, 1] + c] for r in range(3) for c in range(3)]
-    amounts = colors.amounts(np.nan_to_num(np.stack([*around, seen], axis=1)))
-    return colors.nearest(amounts[:, -1], local_level(amounts))[0]
+    rows, columns, _ = light.shape
+    index = np.full((rows + 2, columns + 2), NONE)
+    index[1:-1, 1:-1] = np.arange(rows * columns).reshape(rows, columns)
+    around = [index[source[:, 0] + r, source[:, 1] + c] for r in range(3) for c in range(3)]
+    itself = rows * columns + np.arange(len(seen))
+    amounts = colors.amounts(np.concatenate([light.reshape(-1, 3), seen]))  # NaN is no brightest one
+    return colors.nearest(amounts[itself], local_level(amounts, np.stack([*around, itself], axis=-1)))[0]
 
 
-def _apart(p: FloatArray, least: FloatArray, cell: IntArray, held: FloatArray) -> BoolArray:
-    """(N,) whether each point is `least` or more from all held ones, and from all points of other cells.
+def _apart(p: FloatArray, least: FloatArray, block: IntArray, held: FloatArray) -> BoolArray:
+    """(N,) whether each point is `least` or more from all held ones, and from all points of other blocks.
 
-    Points of one and the same cell must be close instead.
+    Points of one and the same block must be close instead.
     """
     apart = nearest(held, p)[0] > least
-    between: FloatArray = np.linalg.norm(p[:, None] - p, axis=-1)
-    same = cell[:, None] == cell
+    between = lengths(p[:, None] - p)
+    same = block[:, None] == block
     right = np.where(same, between < 0.3 * least[:, None], between > least[:, None])
     return apart & np.asarray(right.all(axis=1))

@@ -9,18 +9,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from retrue.decoding.blocks.blobs import Blocks, find_blocks
-from retrue.decoding.blocks.centres import refine_centres
+from retrue.decoding.blocks.centres import noise_of, refine_centres
 from retrue.decoding.blocks.colors import Colors, separate_colors
 from retrue.decoding.blocks.growth import MISFIT, Surfaces, cut_blocks, grow
 from retrue.decoding.blocks.holders import held_by, hold_places, on_surfaces
 from retrue.decoding.blocks.islands import place_islands
-from retrue.decoding.blocks.links import NONE, link_blocks
-from retrue.decoding.blocks.nearest import nearest
-from retrue.decoding.blocks.noise import noise_of
-from retrue.decoding.blocks.places import place_blocks
+from retrue.decoding.blocks.links import NONE, Links, link_blocks, nearest
+from retrue.decoding.blocks.places import Code, code_of, place_blocks
 from retrue.decoding.blocks.sight import GridSight, Verdict
-from retrue.decoding.blocks.surface import Joints, slopes
-from retrue.decoding.blocks.windows import Code, code_of
+from retrue.decoding.blocks.surface import Joints, lengths, median, slopes
 from retrue.geometry.arrays import FloatArray, Image, IntArray
 from retrue.patterns.color_grid import ColorGrid
 
@@ -41,9 +38,9 @@ def look(pattern: ColorGrid, picture: Image, halvings: int) -> GridSight:
 
     table = _Table(picture, 2**halvings, gain, blocks, colors, code, pattern.block / pattern.pitch)
     surfaces = table.extended(_nothing(code), holder, joints)
-    cell, distance = table.nearest_cells(surfaces)
+    block, distance = table.nearest_blocks(surfaces)
     island = place_islands(
-        code, blocks, links, label, clear, cell < 0, table.scaled(surfaces.position), surfaces.joints
+        code, blocks, links, label, clear, block < 0, table.scaled(surfaces.position), surfaces.joints
     )
     if (island >= 0).any():
         row, column, _ = code.split(island[island >= 0])
@@ -52,18 +49,19 @@ def look(pattern: ColorGrid, picture: Image, halvings: int) -> GridSight:
         holder, joints = on_surfaces(blocks, links, island, holder)
         if (holder >= 0).any():
             surfaces = table.extended(surfaces, holder, joints)
-            cell, distance = table.nearest_cells(surfaces)
+            block, distance = table.nearest_blocks(surfaces)
 
-    holder = _nearest_blobs(code, cell, distance)
+    holder = _nearest_blobs(code, block, distance)
     verdict[verdict == Verdict.DECODED] = Verdict.OFF_SURFACE
     verdict[holder[holder >= 0]] = Verdict.DECODED
-    right = held_by(holder, label, NONE) == code.cells
+    right = held_by(holder, label, NONE) == code.colors
     margin = held_by(holder, margin, 0.0)
     by_color = np.where(right, 0.5 + 0.5 * margin, 0.5 * (1 - margin))
     return GridSight(
         pattern=pattern,
         picture=picture,
         halvings=halvings,
+        block_px=_block_px(blocks, links, verdict) * 2**halvings,
         blocks=blocks,
         links=links,
         label=label,
@@ -76,10 +74,17 @@ def look(pattern: ColorGrid, picture: Image, halvings: int) -> GridSight:
     )
 
 
+def _block_px(blocks: Blocks, links: Links, verdict: IntArray) -> float:
+    """Median side of the decoded blocks, or of all blobs that have two neighbours; 0: none."""
+    good = verdict == Verdict.DECODED
+    if not good.any():
+        good = (links.neighbour >= 0).sum(axis=1) >= 2
+    return median(np.sqrt(12 * blocks.area()[good])) if good.any() else 0.0
+
+
 def _nothing(code: Code) -> Surfaces:
     none = np.full((code.rows, code.columns, 3), np.nan)
-    flags = np.zeros((code.rows, code.columns), dtype=bool)
-    return Surfaces(none[..., :2], none, none[..., 0], none[..., 0], Joints(flags[:, 1:], flags[1:]))
+    return Surfaces(none[..., :2], none, none[..., 0], none[..., 0], Joints.none(code.rows, code.columns))
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -110,31 +115,31 @@ class _Table:
             surfaces.misfit,
             Joints(surfaces.joints.right | joints.right, surfaces.joints.down | joints.down),
         )
-        return grow(self.picture, self.gain, together, there, self.colors, self.code.cells, self.duty)
+        return grow(self.picture, self.gain, together, there, self.colors, self.code.colors, self.duty)
 
     def scaled(self, position: FloatArray) -> FloatArray:
         """Pixels of the picture in those of the blobs."""
         return (position + 0.5) / self.scale - 0.5
 
-    def nearest_cells(self, surfaces: Surfaces) -> tuple[IntArray, FloatArray]:
-        """Cell (N,) of the block that each blob is, or covers, or -1; and the distance of its centre."""
+    def nearest_blocks(self, surfaces: Surfaces) -> tuple[IntArray, FloatArray]:
+        """Index (N,) in the code of the block that each blob is, or covers, or -1; and the distance of its centre."""
         position = self.scaled(surfaces.position)
         u, v, _ = slopes(position, surfaces.joints)
-        pitch = np.minimum(np.linalg.norm(u, axis=-1), np.linalg.norm(v, axis=-1)).ravel()
-        cells = np.flatnonzero(np.isfinite(pitch))
-        if not len(cells):
+        pitch = np.minimum(lengths(u), lengths(v)).ravel()
+        known = np.flatnonzero(np.isfinite(pitch))
+        if not len(known):
             return np.full(len(self.blocks), NONE), np.full(len(self.blocks), np.inf)
-        distance, index = nearest(position.reshape(-1, 2)[cells], self.blocks.centre)
-        return np.where(distance < OWN_PLACE * pitch[cells][index], cells[index], NONE), distance
+        distance, index = nearest(position.reshape(-1, 2)[known], self.blocks.centre)
+        return np.where(distance < OWN_PLACE * pitch[known][index], known[index], NONE), distance
 
 
-def _nearest_blobs(code: Code, cell: IntArray, distance: FloatArray) -> IntArray:
-    """Blob (rows, columns) nearest to each block, of those (N,) that are in its `cell`, or -1."""
+def _nearest_blobs(code: Code, block: IntArray, distance: FloatArray) -> IntArray:
+    """Blob (rows, columns) nearest to each block, of those (N,) that are in its `block`, or -1."""
     order = np.argsort(-distance, kind="stable")
-    order = order[cell[order] >= 0]
-    holder = np.full(code.cells.size, NONE)
-    holder[cell[order]] = order
-    return holder.reshape(code.cells.shape)
+    order = order[block[order] >= 0]
+    holder = np.full(code.colors.size, NONE)
+    holder[block[order]] = order
+    return holder.reshape(code.colors.shape)
 
 
 def _halved(picture: Image, halvings: int) -> Image:

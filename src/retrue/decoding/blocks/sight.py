@@ -1,4 +1,4 @@
-"""What the decoder saw of a colour grid, step by step: the record that drawings and advice are made of."""
+"""What the decoder saw of a colour grid, step by step: the record that drawings are made of, and advice."""
 
 from __future__ import annotations
 
@@ -12,6 +12,11 @@ from retrue.decoding.blocks.blobs import Blocks
 from retrue.decoding.blocks.links import Links
 from retrue.geometry.arrays import FloatArray, Image, IntArray
 from retrue.patterns.color_grid import ColorGrid
+
+GOOD_COUNT = 30  # points that a job can work with
+SMALLEST_BLOCK = 5.0  # px
+GRAY_CHROMA = 6.0  # grey levels between channels that noise and white balance explain
+DARK_SHARE, BRIGHT_SHARE = 0.1, 0.9  # of full scale
 
 
 class Verdict(IntEnum):
@@ -47,16 +52,18 @@ class GridSight:
     ----------
     picture : (h, w, 3) that was looked at, in full size.
     halvings : how many times it was halved to find the blocks.
+    block_px : median side of the decoded blocks, or of all blobs that have two neighbours, in px of `picture`; 0: none.
     blocks, links : in pixels of the halved picture.
     label : (N,) colour index of each blob.
     verdict : (N,) a `Verdict` each.
-    holder : (rows, columns) blob that holds the place, or -1.
-    centre_px, sigma_px, confidence, color : of every place that was decoded, in pixels of `picture`.
+    holder : (rows, columns) blob that holds the block, or -1.
+    centre_px, sigma_px, confidence, color : of every block that was decoded, in pixels of `picture`.
     """
 
     pattern: ColorGrid
     picture: Image
     halvings: int
+    block_px: float
     blocks: Blocks
     links: Links
     label: IntArray
@@ -67,17 +74,29 @@ class GridSight:
     confidence: FloatArray
     color: NDArray[np.uint8]
 
-    @property
-    def block_px(self) -> float:
-        """Median side of the decoded blocks, or of all blobs that have a neighbour, in pixels of `picture`; 0: none."""
-        good = self.verdict == Verdict.DECODED
-        if not good.any():
-            good = (self.links.neighbour >= 0).sum(axis=1) >= 2
-        if not good.any():
-            return 0.0
-        return float(np.median(np.sqrt(12 * self.blocks.area()[good]))) * 2**self.halvings
-
     def rejected(self) -> dict[str, int]:
         """How many blobs were rejected, by reason."""
         counts = np.bincount(self.verdict, minlength=len(Verdict))
         return {v.reason: int(counts[v]) for v in Verdict if v != Verdict.DECODED and counts[v]}
+
+
+def advise(sight: GridSight, decoded: int) -> str:
+    """One sentence for the user; empty where there is nothing to say."""
+    if decoded >= GOOD_COUNT:
+        return ""
+    picture = sight.picture[::3, ::3].astype(np.float64)
+    full = float(np.iinfo(sight.picture.dtype).max)
+    bright = np.percentile(picture.max(axis=-1), 99)
+    if bright < DARK_SHARE * full:
+        return "too dark: expose longer, or dim the room and brighten the projector"
+    if np.median(picture.min(axis=-1)) > BRIGHT_SHARE * full:
+        return "overexposed: expose shorter"
+    chroma = np.percentile(picture.max(axis=-1) - picture.min(axis=-1), 99) * 255 / full
+    if chroma < GRAY_CHROMA:
+        return "not a colour picture"
+    linked = int(((sight.links.neighbour >= 0).sum(axis=1) >= 3).sum())
+    if linked < GOOD_COUNT:
+        return "no grid seen: out of focus, or blocks smaller than 5 px: focus, move closer or use a coarser grid"
+    if sight.block_px < SMALLEST_BLOCK:
+        return "blocks smaller than 5 px: move closer or use a coarser grid"
+    return "not this pattern: a grid is there, but its colours are not those of this code (or it is mirrored)"

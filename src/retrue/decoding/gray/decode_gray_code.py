@@ -2,18 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from functools import partial
 
 import numpy as np
 
-from retrue.correspondences import Correspondences
-from retrue.decoding.gray.card import decode_card
-from retrue.decoding.gray.faults import require_inside
+from retrue.correspondences import Card, Correspondences
+from retrue.decoding.gray.faults import CAPTURE, require_inside
 from retrue.decoding.gray.plan import MAX_CELL, plan_reading
 from retrue.decoding.gray.reading import Band, read_band
 from retrue.decoding.gray.sequence import GraySequence, arrange
+from retrue.errors import CaptureError
 from retrue.geometry.arrays import Image
 from retrue.patterns.gray_code import GrayCode
 
@@ -21,6 +21,12 @@ BAND_ROWS = 8 * MAX_CELL
 """Small enough for the processor's cache, large enough that the rows around a band cost little."""
 SYSTEMATIC_SIGMA = 0.02
 """Stripes: what the lens, JPEG and the surface leave, however many edges there are."""
+REASONS = {
+    "undecided": "pattern and inverse too alike in more than one bit",
+    "outside": "code beyond the projector",
+    "alone": "too few stripe edges around, or all to one side",
+    "rough": "stripe edges around do not lie on one surface",
+}
 
 
 def decode_gray_code(pattern: GrayCode, images: Sequence[Image], names: Sequence[str] | None = None) -> Correspondences:
@@ -45,7 +51,12 @@ def decode_gray_code(pattern: GrayCode, images: Sequence[Image], names: Sequence
     Source: Inokuchi, Sato, Matsuda, "Range imaging system for 3-D object recognition", ICPR 1984 (Gray code);
     Trobina, "Error model of a coded-light range sensor", 1995 (edges where pattern and inverse cross).
     """
-    sequence = arrange(pattern, images, names or [f"picture {index + 1}" for index in range(len(images))])
+    names = names or [f"picture {index + 1}" for index in range(len(images))]
+    return decode_sequence(pattern, arrange(pattern, images, names))
+
+
+def decode_sequence(pattern: GrayCode, sequence: GraySequence) -> Correspondences:
+    """The same, of pictures that are arranged already."""
     plan = plan_reading(sequence)
     height = sequence.white.shape[0]
     bands = [range(start, min(start + BAND_ROWS, height)) for start in range(0, height, BAND_ROWS)]
@@ -86,5 +97,46 @@ def _assemble(
     list(threads.map(fill, bands, ends.tolist()))
     for array in (camera_px, projector_px, sigma_px):
         array.setflags(write=False)
-    card = decode_card(sequence, total, [band.counts for band in bands])
+    card = _card(sequence, total, [band.counts for band in bands])
     return Correspondences(camera_px, projector_px, projector_sigma_px=sigma_px, colors=colors, cells=cells, card=card)
+
+
+def _card(sequence: GraySequence, points: int, counts: Sequence[Mapping[str, int]]) -> Card:
+    """Raises `CaptureError` where nothing was decoded."""
+    total = {key: sum(count[key] for count in counts) for key in counts[0]}
+    lit, pixels = total["lit"], sequence.white.size
+    rejected = {
+        "undecided": lit - total["agreed"],
+        "outside": total["outside"],
+        "alone": total["alone"],
+        "rough": total["rough"],
+    }
+    if points == 0:
+        reason = max(rejected, key=lambda name: rejected[name])
+        what = f"{rejected[reason]} of {lit} lit pixels: {REASONS[reason]}" if lit else "no pixel is lit"
+        raise CaptureError(CAPTURE, f"nothing decodes: {what}; do the pictures show this pattern?")
+    return Card(
+        "pixels",
+        seen=lit,
+        decoded=points,
+        rejected=rejected,
+        coverage=points / pixels,
+        advice=tuple(_advice(sequence, lit, rejected)),
+        details={"pixels": pixels},
+    )
+
+
+def _advice(sequence: GraySequence, lit: int, rejected: Mapping[str, int]) -> list[str]:
+    advice: list[str] = []
+    pixels = sequence.white.size
+    if lit < 0.2 * pixels:
+        advice.append(f"the projector lights {100 * lit / pixels:.0f} % of the picture: turn it towards the scene")
+    if rejected["undecided"] > 0.5 * lit:
+        advice.append("most pixels do not resolve the finest stripes: focus, expose longer, or use a larger step")
+    if rejected["alone"] > 0.5 * lit:
+        advice.append("stripe edges are sparse: noise or texture hides them; expose longer")
+    white = sequence.white[::4, ::4]
+    saturated = float(np.mean(white >= np.iinfo(white.dtype).max))
+    if saturated > 0.05:
+        advice.append(f"{100 * saturated:.0f} % of the white picture is overexposed: shorten the exposure")
+    return advice

@@ -41,6 +41,16 @@ class GraySequence:
     black: Image
     color: Image
 
+    def part(self, rows: slice, columns: slice) -> GraySequence:
+        """The same rows and columns of every picture."""
+
+        def cut(images: Sequence[Image]) -> list[Image]:
+            return [image[rows, columns] for image in images]
+
+        (p, q), (r, s) = self.patterns, self.inverses
+        white, black, color = cut([self.white, self.black, self.color])
+        return GraySequence((cut(p), cut(q)), (cut(r), cut(s)), self.names, white, black, color)
+
 
 def arrange(pattern: GrayCode, images: Sequence[Image], names: Sequence[str]) -> GraySequence:
     """Sort the pictures by what they show: pairs in the pattern's order; white and black last, first or absent.

@@ -3,8 +3,8 @@ import pytest
 
 from retrue.correspondences import Correspondences
 from retrue.reconstruction.options import ReconstructOptions
+from retrue.reconstruction.pieces import find_strays
 from retrue.reconstruction.reconstruct import reconstruct
-from retrue.reconstruction.strays import find_strays
 from retrue.reconstruction.surface_grid import surface_grid
 
 from .scenes import PLATE, RIG, WALL, correspondences, scene

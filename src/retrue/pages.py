@@ -1,0 +1,121 @@
+"""The page about a result, written to a file: what `--report` does, for scripts and notebooks too."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from datetime import UTC, datetime
+from itertools import zip_longest
+from os import PathLike
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from retrue.calibration.result import Calibrated, RefusedCalibration
+from retrue.capture import Capture
+from retrue.correspondences import Correspondences, require_captures
+from retrue.errors import InputError, require_kind, require_path
+from retrue.files.atomic import replaced_file
+from retrue.recalibration.result import Accepted, Refused, Verification
+from retrue.reconstruction.cloud import Cloud
+from retrue.report.page import Page, Provenance, page_html
+from retrue.rig import Rig, require_rig
+
+if TYPE_CHECKING:
+    from retrue.geometry.arrays import Image
+
+Result = Accepted | Refused | Verification | Cloud | Calibrated | RefusedCalibration
+
+LIBRARIES = ("retrue", "numpy", "scipy", "opencv-python-headless", "plotly")
+
+
+def write_report(
+    path: str | PathLike[str],
+    result: Result,
+    *,
+    rig: Rig | None = None,
+    captures: Sequence[Correspondences] = (),
+    pictures: Sequence[Image | None] = (),
+    sizes: Mapping[str, tuple[int, int]] | None = None,
+) -> None:
+    """Write the page about a result: one HTML file that loads nothing, whole or not at all.
+
+    Parameters
+    ----------
+    path : the file to write.
+    result : what `recalibrate`, `verify`, `reconstruct` or `calibrate` returned; it has it as `result.report`.
+    rig : what the job was given. A calibration needs none.
+    captures : what the job was given; of a reconstruction, a list of one.
+    pictures : the photograph of each capture, to draw its points on; may be left out.
+    sizes : (width, height) of "camera" and "projector"; only a refused calibration needs to be told.
+
+    Raises
+    ------
+    InputError : what the page needs is missing, or of another kind.
+    FileError : the file cannot be written.
+    """
+    path = require_path(path, "write_report(path, result)")
+    require_kind(result, Result.__args__, "result")
+    write_page(path, _page(result, rig, captures, pictures, sizes), "retrue.write_report")
+
+
+def write_page(path: Path, page: Page, command: str) -> None:
+    """The page as a file; at its foot the command, the time and the versions of what computed it."""
+    made = datetime.now(UTC).isoformat(sep=" ", timespec="seconds")
+    html = page_html(page, Provenance(command, made, _versions()))
+    with replaced_file(path) as stream:
+        stream.write(html.encode())
+
+
+def _page(
+    result: Result,
+    rig: Rig | None,
+    captures: Sequence[Correspondences],
+    pictures: Sequence[Image | None],
+    sizes: Mapping[str, tuple[int, int]] | None,
+) -> Page:
+    if isinstance(result, Calibrated | RefusedCalibration):
+        return _calibration_page(result, sizes)
+    require_rig(rig)
+    require_captures(captures)
+    assert rig is not None
+    if len(pictures) > len(captures):
+        raise InputError(f"pictures: expected at most one of each capture, {len(captures)}, found {len(pictures)}")
+    seen = [
+        Capture(f"capture {number}", points, picture)
+        for number, (points, picture) in enumerate(zip_longest(captures, pictures), start=1)
+    ]
+    if isinstance(result, Verification):
+        from retrue.report.verification_page import verification_page
+
+        return verification_page(rig, seen, result)
+    if isinstance(result, Cloud):
+        from retrue.report.reconstruction_page import reconstruction_page
+
+        if len(seen) != 1:
+            raise InputError(f"captures: expected the one that the cloud was made of, found {len(seen)}")
+        return reconstruction_page(rig, seen[0], result)
+    from retrue.report.recalibration_page import recalibration_page
+
+    return recalibration_page(rig, seen, result)
+
+
+def _calibration_page(result: Calibrated | RefusedCalibration, sizes: Mapping[str, tuple[int, int]] | None) -> Page:
+    from retrue.report.calibration_page import calibration_page
+
+    if isinstance(result, Calibrated):
+        sizes = {"camera": result.rig.camera.size, "projector": result.rig.projector.size}
+    elif sizes is None and result.views:
+        raise InputError('sizes: expected those of both pictures, {"camera": (width, height), "projector": ...}')
+    return calibration_page(result, sizes or {}, result.rig.unit if isinstance(result, Calibrated) else "unknown")
+
+
+def _versions() -> dict[str, str]:
+    import platform
+    from importlib.metadata import PackageNotFoundError, version
+
+    found = {"Python": platform.python_version()}
+    for name in LIBRARIES:
+        try:
+            found[name] = version(name)
+        except PackageNotFoundError:  # such as OpenCV under another of its names
+            continue
+    return found
