@@ -36,7 +36,9 @@ DIRECTIVES = {
 EXACT = ["-O3", "-ffp-contract=off", "-fno-math-errno", "-fno-trapping-math", "-g0"]
 # Sums in any order, for what is iterated to convergence; NaN and infinity stay what they are.
 REORDERED = ["-fassociative-math", "-fno-signed-zeros", "-freciprocal-math"]
-FLAGS = {"homography": REORDERED}
+# A row is written number by number: read back in pairs, it stalls the processor.
+IN_ORDER = ["-fno-tree-slp-vectorize"]
+FLAGS = {"homography": REORDERED, "two_view": IN_ORDER}
 
 
 def get_requires_for_build_wheel(config_settings: Any = None) -> list[str]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -9,7 +10,7 @@ import numpy as np
 from retrue.errors import InputError
 from retrue.geometry.arrays import FloatArray
 from retrue.geometry.camera import Camera
-from retrue.geometry.transform import direction_angle, rotation_angle
+from retrue.geometry.transform import RigidTransform, direction_angle, rotation_angle
 from retrue.geometry.triangulation import triangulate
 from retrue.rig import Rig
 
@@ -64,27 +65,23 @@ def rig_difference(first: Rig, second: Rig, working_distance: float | None = Non
         float(np.linalg.norm(b.t - a.t)),
         float(np.linalg.norm(b.t) - np.linalg.norm(a.t)),
         working_distance,
-        None if working_distance is None else _displacement(first, second, working_distance),
+        None if working_distance is None else displacement_rms(first, second, [b], working_distance)[0],
     )
 
 
-def _displacement(first: Rig, second: Rig, distance: float) -> float:
-    """What both devices of the first rig see at that depth, measured with the second one."""
+def displacement_rms(first: Rig, second: Rig, poses: Sequence[RigidTransform], distance: float) -> list[float]:
+    """What both devices of the first rig see at that depth, measured with the second one in each of the poses: RMS."""
     points = _points_at(first.camera, distance)
     seen = first.projector.project(first.projector_from_camera.apply(points))
     with np.errstate(invalid="ignore"):
         lit = first.projector.contains(seen)
     if lit.any():  # else the rig works at another distance, and the whole picture must do
         points, seen = points[lit], seen[lit]
-    moved = triangulate(
-        second.projector_from_camera,
-        second.camera.unproject(first.camera.project(points)),
-        second.projector.unproject(seen),
-        camera_sigma=1 / second.camera.K[0, 0],
-        projector_sigma=1 / second.projector.K[0, 0],
-    )
-    distances: FloatArray = np.linalg.norm(moved - points, axis=1)
-    return float(np.sqrt(np.mean(distances**2)))
+    camera_rays = second.camera.unproject(first.camera.project(points))
+    projector_rays = second.projector.unproject(seen)
+    sigmas = {"camera_sigma": 1 / second.camera.K[0, 0], "projector_sigma": 1 / second.projector.K[0, 0]}
+    measured = (triangulate(pose, camera_rays, projector_rays, **sigmas) for pose in poses)
+    return [float(np.sqrt(((moved - points) ** 2).sum(axis=1).mean())) for moved in measured]
 
 
 def _points_at(camera: Camera, distance: float) -> FloatArray:

@@ -6,9 +6,12 @@ import pytest
 from retrue.errors import DegenerateError
 from retrue.geometry.transform import rotation_from_vector, vector_from_rotation
 from retrue.geometry.two_view import (
+    FREE,
+    NO_COLUMNS,
     TwoViewPoints,
     TwoViewPose,
     cramer_rao_bound,
+    epipolar_residuals,
     normal_equations,
     planes_of_pose,
     pose_covariance,
@@ -45,18 +48,18 @@ def noisy(points: TwoViewPoints, rng: np.random.Generator, scale: float = 1.0) -
 def test_jacobians_agree_with_differences() -> None:
     rng = np.random.default_rng(1)
     points = noisy(scene(200, rng), rng, 1e-3)
-    found = residuals(POSE, points)
-    plane = points.plane_index[found.rows]
-    for k in range(5 + 6):
-        step = np.zeros(11)
-        step[k] = 1e-6
-        ahead, behind = residuals(POSE.moved(step), points), residuals(POSE.moved(-step), points)
-        along = (ahead.along - behind.along) / 2e-6
-        expected = found.along_jacobian[k] if k < 5 else found.along_jacobian[5 + (k - 5) % 3] * (plane == (k - 5) // 3)
-        assert np.abs(along - expected).max() < 1e-5 * np.abs(along).max()
-        epipolar = (ahead.epipolar - behind.epipolar) / 2e-6
-        expected = found.epipolar_jacobian[k] if k < 5 else 0 * epipolar
-        assert np.abs(epipolar - expected).max() <= 1e-5 * np.abs(epipolar).max()
+    steps = 1e-6 * np.eye(11)
+    differences = np.array(
+        [residuals(POSE.moved(step), points).both - residuals(POSE.moved(-step), points).both for step in steps]
+    )
+    for family in ([1.0, 0.0], [0.0, 1.0]):
+        weights = np.outer(family, rng.uniform(0.5, 1, len(points)))
+        information, cross, among = normal_equations(POSE, points, weights, differences / 2e-6)
+        information -= np.diag(np.repeat([0, *1 / (POSE.planes**2).sum(axis=1)], (5, 3, 3)))
+        # |J - D|^2 of each column, from sums of products only; what is left is rounding.
+        apart = np.diag(information) - 2 * np.diag(cross) + np.diag(among)
+        assert np.abs(apart).max() < 1e-10 * np.diag(information).max()
+        assert np.abs(cross - information).max() < 1e-6 * np.abs(information).max()
 
 
 @pytest.mark.parametrize("planes", [(0,), (-1, 0, 1)])
@@ -70,13 +73,12 @@ def test_errors_are_those_of_the_cramer_rao_bound(planes: tuple[int, ...]) -> No
         sample, pose = noisy(points, rng), truth
         for _ in range(4):
             found = residuals(pose, sample)
-            ones = np.ones(len(sample)), np.ones(len(found.rows))
-            information, gradient = normal_equations(pose, sample, found, *ones)
-            pose = pose.moved(-np.linalg.solve(information, gradient))
+            information, gradient, _ = normal_equations(pose, sample, np.ones((2, len(sample))), found.both[None])
+            pose = pose.moved(-np.linalg.solve(information, gradient[:, 0]))
         error = np.r_[vector_from_rotation(pose.R @ truth.R.T), tangent_basis(truth.t).T @ pose.t]
         normalised.append(error @ np.linalg.solve(bound, error))
         found = residuals(pose, sample)
-        squares.append((found.epipolar**2).sum() + (found.along**2).sum())
+        squares.append(np.nansum(found.both**2))
     assert np.mean(normalised) == pytest.approx(5, abs=4 * np.sqrt(2 * 5 / trials))
     freedom = len(points) + int((points.plane_index >= 0).sum()) - 5 - 3 * len(truth.planes)
     assert np.mean(squares) == pytest.approx(freedom, abs=4 * np.sqrt(2 * freedom / trials))
@@ -98,8 +100,25 @@ def test_a_pose_that_nothing_determines_is_refused() -> None:
 def test_a_plane_without_points_leaves_the_pose_determined() -> None:
     rng = np.random.default_rng(4)
     points = noisy(scene(200, rng, (-1, 0)), rng)
-    found = residuals(POSE, points)
-    information, _ = normal_equations(POSE, points, found, np.ones(len(points)), np.ones(len(found.rows)))
+    information, _, _ = normal_equations(POSE, points, np.ones((2, len(points))), NO_COLUMNS)
     alone = TwoViewPose(POSE.R, POSE.t, POSE.planes[:1])
-    expected, _ = normal_equations(alone, points, found, np.ones(len(points)), np.ones(len(found.rows)))
+    expected, _, _ = normal_equations(alone, points, np.ones((2, len(points))), NO_COLUMNS)
     assert np.allclose(pose_covariance(information), pose_covariance(expected), rtol=1e-6)
+
+
+def test_residuals_are_distances_in_sigmas() -> None:
+    """Along the line: the mapped point is sought among all on the plane; across it: Sampson's distance."""
+    rng = np.random.default_rng(5)
+    points = noisy(scene(60, rng), rng)
+    found = residuals(POSE, points)
+    assert np.array_equal(np.isnan(found.along), points.plane_index == FREE)
+    assert np.allclose(found.epipolar, epipolar_residuals(POSE, points), rtol=2e-3, atol=1e-3)
+    exact = TwoViewPoints(
+        points.camera_rays, points.projector_rays, 0 * points.camera_sigma, points.projector_sigma, points.plane_index
+    )
+    found = residuals(POSE, exact)
+    for k in np.flatnonzero(exact.plane_index != FREE):
+        x = np.array([*exact.camera_rays[k], 1])
+        mapped = POSE.R @ x + (POSE.planes[exact.plane_index[k]] @ x) * POSE.t
+        apart = (exact.projector_rays[k] - mapped[:2] / mapped[2]) / exact.projector_sigma[k]
+        assert np.hypot(*found.both[:, k]) == pytest.approx(np.hypot(*apart), rel=1e-9)

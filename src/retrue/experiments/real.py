@@ -16,7 +16,7 @@ from retrue.geometry.camera import Camera
 from retrue.geometry.transform import direction_angle, rotation_angle
 from retrue.recalibration.candidates import with_planes
 from retrue.recalibration.options import RecalibrateOptions
-from retrue.recalibration.prepare import rays_of_captures
+from retrue.recalibration.rays import rays_of_captures
 from retrue.recalibration.recalibrate import recalibrate
 from retrue.recalibration.result import Accepted
 from retrue.rig import Rig

@@ -9,15 +9,21 @@ where the full bundle adjustment does.
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, field
 
 import numpy as np
 
 from retrue.errors import DegenerateError
 from retrue.geometry.arrays import FloatArray, IntArray
-from retrue.geometry.transform import rotation_from_vector, skew
+from retrue.geometry.transform import RigidTransform, rotation_from_vector, skew
+from retrue.geometry.triangulation import sampson_distances
+from retrue.kernels import two_view as kernel
 
 POSE_PARAMETERS = 5
+PARAMETERS = 8  # of one point: the pose, and n of its plane
+NO_RESIDUALS, NO_WEIGHTS = np.empty((2, 0)), np.empty((2, 0))
+NO_COLUMNS, NO_BLOCKS = np.empty((0, 2, 0)), np.empty((0, 0, 0))
 FREE = -1
 """Index of the plane of a point that lies on none."""
 
@@ -74,21 +80,24 @@ class TwoViewPose:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Residuals:
-    """Whitened residuals with their Jacobians.
+    """Whitened residuals (2, N), of points that may lie on a plane.
 
     Attributes
     ----------
-    epipolar : (N,) across the epipolar line, of every point.
-    epipolar_jacobian : (5, N) by pose.
-    along : (M,) along the epipolar line, of the points `rows` (M,) that have a plane.
-    along_jacobian : (8, M) by pose and by the point's own plane.
+    both : across the epipolar line; and along it, NaN of a point on no plane.
     """
 
-    epipolar: FloatArray
-    epipolar_jacobian: FloatArray
-    rows: IntArray
-    along: FloatArray
-    along_jacobian: FloatArray
+    both: FloatArray
+
+    @property
+    def epipolar(self) -> FloatArray:
+        """(N,) across the epipolar line."""
+        return self.both[0]
+
+    @property
+    def along(self) -> FloatArray:
+        """(N,) along the epipolar line, given the one across it."""
+        return self.both[1]
 
 
 def tangent_basis(t: FloatArray) -> FloatArray:
@@ -97,86 +106,96 @@ def tangent_basis(t: FloatArray) -> FloatArray:
     >>> tangent_basis(np.array([0.0, 0.0, 1.0])).round(9).tolist()
     [[0.0, -1.0], [1.0, 0.0], [0.0, 0.0]]
     """
-    axis = np.zeros(3)
-    axis[np.argmin(np.abs(t))] = 1.0
-    T = skew(t)
-    first = T @ axis
-    first /= np.linalg.norm(first)
-    return np.stack([first, T @ first], axis=1)
+    x, y, z = t.tolist()
+    smallest = min(abs(x), abs(y), abs(z))
+    if abs(x) == smallest:
+        u, v, w = 0.0, z, 0.0 - y
+    elif abs(y) == smallest:
+        u, v, w = -z, 0.0, x
+    else:
+        u, v, w = y, -x, 0.0
+    length = math.sqrt(u * u + v * v + w * w)
+    u, v, w = u / length, v / length, w / length
+    return np.array([[u, y * w - z * v], [v, z * u - x * w], [w, x * v - y * u]])
 
 
-def epipolar_residuals(R: FloatArray, t: FloatArray, points: TwoViewPoints) -> FloatArray:
-    """Whitened Sampson residual (N,) of y . ([t]x R) x = 0, eq. (19); chi with one degree of freedom each.
+def epipolar_residuals(pose: RigidTransform | TwoViewPose, points: TwoViewPoints) -> FloatArray:
+    """`sampson_distances` (N,) of points in their own sigmas: chi with one degree of freedom each.
 
     >>> points = TwoViewPoints(*np.array([[[0.0, 0.0]], [[0.1, 3e-3]]]), *np.full((2, 1), 1e-3), np.array([-1]))
-    >>> epipolar_residuals(np.eye(3), np.array([1.0, 0, 0]), points).round(4).tolist()
+    >>> epipolar_residuals(TwoViewPose(np.eye(3), np.array([1.0, 0, 0])), points).round(4).tolist()
     [-2.1213]
     """
-    E = skew(t) @ R
-    (ex, ey, value), (fx, fy, _) = _epipolar_lines(E, points.camera_rays, points.projector_rays)
-    variance = points.projector_sigma**2 * (ex * ex + ey * ey) + points.camera_sigma**2 * (fx * fx + fy * fy)
-    return value / np.sqrt(variance)
+    sigmas = {"camera_sigma": points.camera_sigma, "projector_sigma": points.projector_sigma}
+    return sampson_distances(RigidTransform(pose.R, pose.t), points.camera_rays, points.projector_rays, **sigmas)
 
 
-def residuals(pose: TwoViewPose, points: TwoViewPoints, *, jacobian: bool = True) -> Residuals:
+def residuals(pose: TwoViewPose, points: TwoViewPoints) -> Residuals:
     """Both families of residuals at a pose, linearised at the corrected rays (see `TwoViewPose`)."""
-    R, t = pose.R, pose.t
-    E = skew(t) @ R  # [t]x R
-    x, y = points.camera_rays, points.projector_rays
-    vx, vy = points.camera_sigma**2, points.projector_sigma**2
-    (ex, ey, value), (fx, fy, _) = _epipolar_lines(E, x, y)
-    gain = value / (vy * (ex * ex + ey * ey) + vx * (fx * fx + fy * fy))
-    correction_x, correction_y = vx * gain, vy * gain
-    x = x - np.stack([correction_x * fx, correction_x * fy], axis=1)
-    y = y - np.stack([correction_y * ex, correction_y * ey], axis=1)
-    offset_x, offset_y = points.camera_rays - x, points.projector_rays - y
-    (ex, ey, value), (fx, fy, _) = _epipolar_lines(E, x, y)
-    value = value + ex * offset_y[:, 0] + ey * offset_y[:, 1] + fx * offset_x[:, 0] + fy * offset_x[:, 1]
-    norm = np.sqrt(vy * (ex * ex + ey * ey) + vx * (fx * fx + fy * fy))
-
-    rows = np.flatnonzero(points.plane_index >= 0)
-    basis = tangent_basis(t)
-    v = x @ R[:, :2].T + R[:, 2]  # R x, (N, 3)
-    epipolar_jacobian = np.empty((0, 0))
-    if jacobian:
-        # e = y . (t x v): by w it is v x (y x t), by t it is v x y.
-        y3 = np.concatenate([y, np.ones((len(y), 1))], axis=1).T
-        v3 = v.T
-        by_rotation = _cross(v3, _cross(y3, t[:, None] * np.ones_like(v3[:1])))
-        by_translation = basis.T @ _cross(v3, y3)
-        epipolar_jacobian = np.concatenate([by_rotation, by_translation]) / norm
-    along, along_jacobian = _along(pose, points, rows, x, v, ex, ey, basis, jacobian)
-    return Residuals(value / norm, epipolar_jacobian, rows, along, along_jacobian)
+    both = np.empty((2, len(points)))
+    _run(pose, points, both, NO_WEIGHTS, NO_COLUMNS, NO_BLOCKS)
+    return Residuals(both)
 
 
 def normal_equations(
-    pose: TwoViewPose,
-    points: TwoViewPoints,
-    found: Residuals,
-    epipolar_weights: FloatArray,
-    along_weights: FloatArray,
-) -> tuple[FloatArray, FloatArray]:
-    """J^T W J (5 + 3 P, 5 + 3 P) and J^T W r of weighted residuals.
+    pose: TwoViewPose, points: TwoViewPoints, weights: FloatArray, columns: FloatArray
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """J^T W J (S, S), J^T W C (S, K) and C^T W C (K, K) of the S = 5 + 3 P unknowns.
+
+    Parameters
+    ----------
+    weights : (2, N) of the residuals across and along the epipolar line.
+    columns : C (K, 2, N): the residuals themselves, or how they change with what is no unknown; at most 32.
 
     A plane whose points all lost their weight is held where it is, by one unit of information relative to its n:
     next to nothing where it has points, and enough that it does not leave the pose undetermined.
     """
-    size = POSE_PARAMETERS + 3 * len(pose.planes)
-    information, gradient = np.zeros((size, size)), np.zeros(size)
-    weighted = found.epipolar_jacobian * epipolar_weights
-    information[:5, :5] = weighted @ found.epipolar_jacobian.T
-    gradient[:5] = weighted @ found.epipolar
-    plane_of_row = points.plane_index[found.rows]
-    for plane in range(len(pose.planes)):
-        mine = plane_of_row == plane
-        jacobian = found.along_jacobian[:, mine]
-        weighted = jacobian * along_weights[mine]
-        index = np.r_[0:5, 5 + 3 * plane : 8 + 3 * plane]
-        information[np.ix_(index, index)] += weighted @ jacobian.T
-        held = index[POSE_PARAMETERS:]
-        information[held, held] += 1 / max(float(pose.planes[plane] @ pose.planes[plane]), 1e-12)
-        gradient[index] += weighted @ found.along[mine]
-    return information, gradient
+    count, width = len(pose.planes), PARAMETERS + len(columns)
+    blocks = np.zeros((count + 1, width, width))
+    _run(pose, points, NO_RESIDUALS, weights, columns, blocks)
+    size = POSE_PARAMETERS + 3 * count
+    own = np.arange(POSE_PARAMETERS, size).reshape(count, 3)
+    information, cross = np.zeros((size, size)), np.zeros((size, len(columns)))
+    both = blocks.sum(axis=0)
+    information[:5, :5], cross[:5] = both[:5, :5], both[8:, :5].T
+    information[5:, :5] = blocks[:-1, 5:8, :5].reshape(own.size, 5)
+    information[own[:, :, None], own[:, None]] = blocks[:-1, 5:8, 5:8]
+    cross[5:] = blocks[:-1, 8:, 5:8].transpose(0, 2, 1).reshape(own.size, len(columns))
+    held = 1 / np.maximum((pose.planes**2).sum(axis=1), 1e-12)
+    information[own, own] += held[:, None]
+    return _symmetric(information), cross, _symmetric(both[8:, 8:])
+
+
+def _symmetric(lower: FloatArray) -> FloatArray:
+    full = lower + lower.T
+    full.flat[:: len(lower) + 1] /= 2
+    return full
+
+
+def _run(
+    pose: TwoViewPose,
+    points: TwoViewPoints,
+    residuals: FloatArray,
+    weights: FloatArray,
+    columns: FloatArray,
+    blocks: FloatArray,
+) -> None:
+    """The kernel, on arrays as it takes them."""
+    axes = np.array([pose.t, *tangent_basis(pose.t).T])
+    kernel.two_view(
+        np.ascontiguousarray(pose.R),
+        axes,
+        np.ascontiguousarray(pose.planes),
+        np.ascontiguousarray(points.camera_rays),
+        np.ascontiguousarray(points.projector_rays),
+        np.ascontiguousarray(points.camera_sigma),
+        np.ascontiguousarray(points.projector_sigma),
+        np.ascontiguousarray(points.plane_index),
+        residuals,
+        np.ascontiguousarray(weights),
+        np.ascontiguousarray(columns),
+        blocks,
+    )
 
 
 def pose_covariance(information: FloatArray) -> FloatArray:
@@ -203,8 +222,7 @@ def cramer_rao_bound(pose: TwoViewPose, points: TwoViewPoints) -> FloatArray:
 
     Parameters as in `residuals`; the sigmas of `points` are the true ones. Source: docs/method.md.
     """
-    found = residuals(pose, points)
-    information, _ = normal_equations(pose, points, found, np.ones(len(points)), np.ones(len(found.rows)))
+    information, _, _ = normal_equations(pose, points, np.ones((2, len(points))), NO_COLUMNS)
     return pose_covariance(information)
 
 
@@ -221,74 +239,3 @@ def planes_of_pose(R: FloatArray, t: FloatArray, homographies: list[FloatArray])
         A, B = np.cross(t, H.T).T, skew(t) @ R
         planes[index] = t @ (H * (np.sum(A * B) / np.sum(A * A)) - R)
     return planes
-
-
-def _epipolar_lines(
-    E: FloatArray, x: FloatArray, y: FloatArray
-) -> tuple[tuple[FloatArray, FloatArray, FloatArray], tuple[FloatArray, FloatArray, FloatArray]]:
-    """First two entries of E x with y . E x, and the first two of E^T y."""
-    line = x @ E[:, :2].T + E[:, 2]
-    ex, ey = line[:, 0], line[:, 1]
-    value = ex * y[:, 0] + ey * y[:, 1] + line[:, 2]
-    other = y @ E[:2, :2] + E[2, :2]
-    return (ex, ey, value), (other[:, 0], other[:, 1], value)
-
-
-def _along(
-    pose: TwoViewPose,
-    points: TwoViewPoints,
-    rows: IntArray,
-    x: FloatArray,
-    v: FloatArray,
-    ex: FloatArray,
-    ey: FloatArray,
-    basis: FloatArray,
-    jacobian: bool,
-) -> tuple[FloatArray, FloatArray]:
-    """The residual along the epipolar line, given the one across it, and its (8, M) Jacobian."""
-    if len(rows) == 0:
-        return np.empty(0), np.empty((8, 0))
-    every = len(rows) == len(x)
-    if not every:
-        x, v, ex, ey = x[rows], v[rows], ex[rows], ey[rows]
-    plane = points.plane_index[rows]
-    n = pose.planes[plane]
-    disparity = x[:, 0] * n[:, 0] + x[:, 1] * n[:, 1] + n[:, 2]  # |t| / depth
-    w0, w1, w2 = (v + disparity[:, None] * pose.t).T  # H x
-    h0, h1 = w0 / w2, w1 / w2
-    H = pose.R[None] + pose.t[None, :, None] * pose.planes[:, None, :]  # (P, 3, 3)
-    Hx = H[plane]
-    # d h / d x, (2, 2) per point.
-    j00, j01 = (Hx[:, 0, 0] - h0 * Hx[:, 2, 0]) / w2, (Hx[:, 0, 1] - h0 * Hx[:, 2, 1]) / w2
-    j10, j11 = (Hx[:, 1, 0] - h1 * Hx[:, 2, 0]) / w2, (Hx[:, 1, 1] - h1 * Hx[:, 2, 1]) / w2
-    offset = points.camera_rays[rows] - x
-    target = points.projector_rays[rows]
-    d0 = target[:, 0] - h0 - j00 * offset[:, 0] - j01 * offset[:, 1]
-    d1 = target[:, 1] - h1 - j10 * offset[:, 0] - j11 * offset[:, 1]
-    length = np.hypot(ex, ey)
-    n0, n1 = ex / length, ey / length  # across the epipolar line; (-n1, n0) runs along it
-    vx, vy = points.camera_sigma[rows] ** 2, points.projector_sigma[rows] ** 2
-    c00, c01, c11 = vy + vx * (j00**2 + j01**2), vx * (j00 * j10 + j01 * j11), vy + vx * (j10**2 + j11**2)
-    across_variance = n0 * n0 * c00 + 2 * n0 * n1 * c01 + n1 * n1 * c11
-    along_variance = n1 * n1 * c00 - 2 * n0 * n1 * c01 + n0 * n0 * c11
-    covariance = n0 * n1 * (c11 - c00) + (n0 * n0 - n1 * n1) * c01
-    slope = covariance / across_variance
-    left = along_variance - slope * covariance
-    known = left > 1e-12 * along_variance  # else the plane is seen edge-on: no information along the line
-    scale = np.where(known, 1 / np.sqrt(np.where(known, left, 1.0)), 0.0)
-    g0, g1 = (-n1 - slope * n0) * scale, (n0 - slope * n1) * scale  # residual = g . d
-    along = g0 * d0 + g1 * d1
-    if not jacobian:
-        return along, np.empty((8, 0))
-    # d h = (I, -h) d w / w2, so that g . d h = p . d w with p = (g, -g . h) / w2; residual = -p . d w.
-    p = np.stack([g0, g1, -(g0 * h0 + g1 * h1)]) / -w2
-    by_translation = basis.T @ (p * disparity)
-    t_along = pose.t @ p
-    by_plane = np.stack([t_along * x[:, 0], t_along * x[:, 1], t_along])
-    by_rotation = _cross(v.T, p)  # p . (w x v) = w . (v x p)
-    return along, np.concatenate([by_rotation, by_translation, by_plane])
-
-
-def _cross(a: FloatArray, b: FloatArray) -> FloatArray:
-    """Cross product of (3, N) arrays; np.cross is several times slower."""
-    return np.stack([a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]])

@@ -1,25 +1,32 @@
-"""The twin poses that the planes allow, each refined on all points, and which of them the points support."""
+"""What the captures themselves say of the pose, before anybody judges it.
+
+Split off planes -> the twin poses that each allows -> refine each on all points -> compare them.
+"""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 
+from retrue.correspondences import Correspondences
 from retrue.errors import DegenerateError
 from retrue.geometry.arrays import FloatArray, IntArray
 from retrue.geometry.planar_pose import PlanarPose, planar_pose_candidates, twin_pose
-from retrue.geometry.robust_homography import local_noise
+from retrue.geometry.robust import CUTOFF
+from retrue.geometry.robust_homography import HYPOTHESES, MOST_HYPOTHESES, largest_plane, local_noise
 from retrue.geometry.transform import direction_angle, rotation_angle
 from retrue.geometry.two_view import FREE, TwoViewPoints, TwoViewPose, planes_of_pose
-from retrue.recalibration.evidence import share_behind
-from retrue.recalibration.fit import CUTOFF, PoseFit, chi_square, evaluate, gather, picture_blocks, refine
+from retrue.recalibration.fit import PoseFit, Support, chi_square, evaluate, gather, refine
 from retrue.recalibration.options import RecalibrateOptions
-from retrue.recalibration.planes import split_planes
-from retrue.recalibration.prepare import Rays
+from retrue.recalibration.rays import Rays, rays_of_captures
+from retrue.recalibration.reasons import NoPlane, PointsNotSpread, TooFewPoints, Undecidable
+from retrue.recalibration.result import share_behind
+from retrue.rig import Rig
 
 COMPARED_POINTS = 4000  # enough to tell the twins apart; the chosen one is then refined on all
-GATHERED_POINTS = 1500  # enough to bring a start near
+GATHERED_POINTS = 800  # enough to bring a start near
 STARTING_PLANES = 3
 MOSTLY = 0.5
 SAME_POSE = np.radians(0.5)
@@ -46,6 +53,28 @@ class Comparison:
     off_plane: int
 
 
+@dataclass(frozen=True, slots=True, eq=False)
+class Estimate:
+    """All rays, with the plane of each, and both candidates."""
+
+    rays: Rays
+    comparison: Comparison
+
+
+def estimate_pose(rig: Rig, captures: Sequence[Correspondences], options: RecalibrateOptions) -> Estimate:
+    """The pose and its strongest rival, from nothing but the captures and the intrinsics.
+
+    Raises DegenerateError, with what to do, where there are too few points, no plane, or no pose.
+    """
+    rng = np.random.default_rng(options.seed)
+    rays = rays_of_captures(rig, captures, options.max_points, rng)
+    _check_spread(rays, options)
+    rays, homographies = with_planes(rays, float(rig.projector.K[0, 0]), options, rng)
+    if not homographies:
+        raise Undecidable(NoPlane(len(rays)))
+    return Estimate(rays, compare_candidates(rays, homographies, rng))
+
+
 def with_planes(
     rays: Rays, projector_focal_px: float, options: RecalibrateOptions, rng: np.random.Generator
 ) -> tuple[Rays, list[FloatArray]]:
@@ -66,6 +95,38 @@ def with_planes(
     return replace(rays, points=replace(points, plane_index=plane_index)), homographies
 
 
+def split_planes(
+    camera_rays: FloatArray,
+    projector_rays: FloatArray,
+    noise: float,
+    *,
+    min_points: int,
+    max_planes: int,
+    rng: np.random.Generator,
+) -> tuple[list[FloatArray], IntArray]:
+    """Homographies of the planes, largest first, and the plane of each point, `FREE` where on none.
+
+    Parameters
+    ----------
+    camera_rays, projector_rays : (N, 2) normalised.
+    noise : standard deviation per axis of a point about its plane, in normalised units of the projector.
+    min_points : fewest points on a plane; a plane also holds a twentieth of the points, or it is chance.
+    """
+    plane_index = np.full(len(camera_rays), FREE)
+    homographies: list[FloatArray] = []
+    left = np.arange(len(camera_rays))
+    fewest = max(min_points, len(camera_rays) // 20)
+    while len(homographies) < max_planes and len(left) >= fewest:
+        thorough = MOST_HYPOTHESES if not homographies else HYPOTHESES  # without a first plane there is no answer
+        found = largest_plane(camera_rays[left], projector_rays[left], noise, fewest, rng, thorough)
+        if found is None:
+            break
+        plane_index[left[found.inliers]] = len(homographies)
+        homographies.append(found.homography)
+        left = left[~found.inliers]
+    return homographies, plane_index
+
+
 def compare_candidates(rays: Rays, homographies: list[FloatArray], rng: np.random.Generator) -> Comparison:
     """Refine the twins of the largest planes on all points, and order them by what the points say.
 
@@ -73,23 +134,23 @@ def compare_candidates(rays: Rays, homographies: list[FloatArray], rng: np.rando
     DegenerateError where no plane gives a pose.
     """
     rays = rays.thinned(COMPARED_POINTS, rng)
-    points, blocks = rays.points, picture_blocks(rays.points.camera_rays, rays.capture)
+    points, support = rays.points, Support.of(rays)
     few = rays.thinned(GATHERED_POINTS, rng).points
     fits: list[PoseFit] = []
     for start in _starts(points, homographies):
         try:
             near = gather(start, few)
             if not any(same_pose(near, fit.pose) for fit in fits):
-                fits.append(refine(near, points, blocks, iterations=3))
+                fits.append(refine(near, support, iterations=3))
         except DegenerateError:
             continue
     fits = [fit for fit in fits if share_behind(fit, points) <= MOSTLY] or fits  # a mirrored pose is no rival
     if not fits:
         raise DegenerateError("pose: no plane determines it; turn the plane, or move it further to the side")
     reference = min(fits, key=lambda fit: float(fit.epipolar_noise.variance.mean()))
-    first = min(fits, key=lambda fit: float(_point_chi_square(fit, reference).sum()))
+    first = min(fits, key=lambda fit: float(chi_square(fit, reference).sum()))
     rivals = [fit for fit in fits if not same_pose(fit.pose, first.pose)]
-    rivals += _twins(first, points, blocks, homographies)  # as it stands: refining may lead it away, or back
+    rivals += _twins(first, support, homographies)  # as it stands: refining may lead it away, or back
     if not rivals:
         return Comparison(rays, (first,), 0.0, 0.0, 0)
     return min((_compared(rays, first, rival) for rival in rivals), key=lambda found: found.margin)
@@ -99,12 +160,12 @@ def _compared(rays: Rays, first: PoseFit, rival: PoseFit) -> Comparison:
     """What prefers the first: points off the plane that the rival fits, because that plane fits both."""
     points = rays.points
     near = np.abs(rival.found.along) < CUTOFF * first.along_noise.level  # not by its own, wider noise
-    fitted = points.plane_index[rival.found.rows[near]]
+    fitted = points.plane_index[near]
     if len(fitted) == 0:  # it was led away: the plane that it came from tells nothing all the same
         fitted = points.plane_index[points.plane_index != FREE]
     own_plane = int(np.argmax(np.bincount(fitted)))
     off = points.plane_index != own_plane
-    preferred = _point_chi_square(rival, first) - _point_chi_square(first, first)
+    preferred = chi_square(rival, first) - chi_square(first, first)
     squares = float((preferred[off] ** 2).sum())
     margin = min(float(preferred[off].sum()), float(preferred.sum()))
     deviations = float(preferred[off].sum() / np.sqrt(squares)) if squares > 0 else 0.0
@@ -135,8 +196,9 @@ def _start(pose: PlanarPose, homographies: list[FloatArray]) -> TwoViewPose:
     return TwoViewPose(pose.R, t, planes_of_pose(pose.R, t, homographies))
 
 
-def _twins(fit: PoseFit, points: TwoViewPoints, blocks: IntArray, homographies: list[FloatArray]) -> list[PoseFit]:
+def _twins(fit: PoseFit, support: Support, homographies: list[FloatArray]) -> list[PoseFit]:
     """The twin of a refined pose on its largest plane, not refined: that would only lead back."""
+    points = support.points
     planes = points.plane_index[points.plane_index != FREE]
     largest = int(np.argmax(np.bincount(planes)))
     n = fit.pose.planes[largest]
@@ -146,11 +208,22 @@ def _twins(fit: PoseFit, points: TwoViewPoints, blocks: IntArray, homographies: 
         start = _start(twin_pose(PlanarPose(fit.pose.R, fit.pose.t * length, n / length), x), homographies)
     except DegenerateError:
         return []
-    return [] if same_pose(start, fit.pose) else [evaluate(start, points, blocks)]
+    return [] if same_pose(start, fit.pose) else [evaluate(start, support)]
 
 
-def _point_chi_square(fit: PoseFit, reference: PoseFit) -> FloatArray:
-    """(N,) both residuals of each point."""
-    epipolar, along = chi_square(fit, reference)
-    epipolar[fit.found.rows] += along
-    return epipolar
+def _check_spread(rays: Rays, options: RecalibrateOptions) -> None:
+    if len(rays) < options.min_points:
+        raise Undecidable(TooFewPoints(len(rays), options.min_points))
+    for name, points in (("camera", rays.points.camera_rays), ("projector", rays.points.projector_rays)):
+        largest, smallest = _spread(points)
+        if not largest > 1e-9:
+            raise Undecidable(PointsNotSpread(name, "place"))
+        if not smallest > 1e-6 * largest:
+            raise Undecidable(PointsNotSpread(name, "line"))
+
+
+def _spread(points: FloatArray) -> tuple[float, float]:
+    """Standard deviations along the widest and the narrowest direction."""
+    centred = points - points.mean(axis=0)
+    low, high = np.linalg.eigvalsh(centred.T @ centred / max(len(points) - 1, 1))
+    return float(np.sqrt(max(high, 0.0))), float(np.sqrt(max(low, 0.0)))

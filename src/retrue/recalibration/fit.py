@@ -1,18 +1,26 @@
-"""Fit one pose to all points of all captures, robustly, with noise that is measured, not assumed.
-
-Each residual is modelled as independent noise plus a slow error that neighbours share (a bowed
-plane, what a lens model leaves over, a smoothed code). Both levels are estimated from the residuals: a
-thousand neighbours with one common error then weigh like one, and the reported sigma says so.
-"""
+"""Fit one pose to all points of all captures, robustly, with noise that is measured, not assumed."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
 from retrue.errors import DegenerateError
 from retrue.geometry.arrays import BoolArray, FloatArray, IntArray
+from retrue.geometry.robust import (
+    COVARIANCE_FACTOR,
+    Noise,
+    biweight,
+    biweight_level,
+    biweight_loss,
+    biweights,
+    grid_blocks,
+    median_level,
+    reweighted_level,
+    with_shared_part,
+)
 from retrue.geometry.two_view import (
     FREE,
     POSE_PARAMETERS,
@@ -23,260 +31,162 @@ from retrue.geometry.two_view import (
     pose_covariance,
     residuals,
 )
+from retrue.recalibration.rays import Rays
 
-CUTOFF = 6.0  # of the noise; Tukey's biweight there keeps 98 % of the efficiency of least squares
-CONSISTENCY = 0.8924  # E[w r^2] / E[w] of a standard normal under that biweight
-COVARIANCE_FACTOR = 0.9651  # E[w] E[psi^2] / E[psi']^2 likewise: inverse information to covariance
 BLOCKS = 6  # per side: a slow error is common to 1/36 of the picture, or of a plane
-SMALLEST_LEVEL = 1e-9  # of the nominal sigma: exact points
+FEWEST_OF_A_FAMILY = 20  # residuals that tell its level
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Noise:
-    """One family of residuals: its level as a multiple of the nominal sigma, and each residual's variance.
+class Support:
+    """The points that a pose is fitted to, and whom each shares a slow error with.
 
     Attributes
     ----------
-    level : standard deviation of the independent part.
-    shared : standard deviation of the part that the points of a block share.
-    variance : (N,) effective variance: sums of squares over it are chi-square.
+    points : of all captures; `plane_index` runs over the planes of all.
+    blocks : (2, N) block of its picture, one of 6 x 6, and of its plane, that each point lies in; -1 on no plane.
     """
 
-    level: float
-    shared: float
-    variance: FloatArray
+    points: TwoViewPoints
+    blocks: IntArray
+
+    @classmethod
+    def of(cls, rays: Rays) -> Support:
+        """Number the blocks over the points of each capture, and over those of each plane."""
+        x, plane = rays.points.camera_rays, rays.points.plane_index
+        return cls(rays.points, np.stack([grid_blocks(x, rays.capture, BLOCKS), grid_blocks(x, plane, BLOCKS)]))
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@dataclass(frozen=True, eq=False)
 class PoseFit:
     """A pose, and what it rests on there.
 
     Attributes
     ----------
     pose : R, unit t, planes.
+    points : that it was evaluated on.
     found : residuals at the pose.
     epipolar_noise, along_noise : levels of both families.
-    epipolar_weights, along_weights : robust weights, 0 .. 1.
-    information, gradient : normal equations at the pose.
+    robust_weights : (2, N) of both, 0 .. 1.
     """
 
     pose: TwoViewPose
+    points: TwoViewPoints
     found: Residuals
     epipolar_noise: Noise
     along_noise: Noise
-    epipolar_weights: FloatArray
-    along_weights: FloatArray
-    information: FloatArray
-    gradient: FloatArray
+    robust_weights: FloatArray
 
-    @property
+    @cached_property
     def covariance(self) -> FloatArray:
         """(5, 5) of the pose, see `pose_covariance`."""
-        return pose_covariance(self.information) * COVARIANCE_FACTOR
+        return pose_covariance(self._normal_equations[0]) * COVARIANCE_FACTOR
 
     @property
     def explained(self) -> BoolArray:
         """(N,) points that agree with the epipolar geometry of this pose."""
-        return self.epipolar_weights > 0
+        return self.robust_weights[0] > 0
+
+    @cached_property
+    def weights(self) -> FloatArray:
+        """(2, N) of the normal equations: robust weights over effective variances."""
+        return self.robust_weights / np.stack([self.epipolar_noise.variance, self.along_noise.variance])
 
     def improved(self) -> TwoViewPose:
         """One Gauss-Newton step further."""
-        return self.pose.moved(solve_normal_equations(self.information, -self.gradient))
+        information, gradient = self._normal_equations
+        return self.pose.moved(solve_normal_equations(information, -gradient))
+
+    @cached_property
+    def _normal_equations(self) -> tuple[FloatArray, FloatArray]:
+        information, cross, _ = normal_equations(self.pose, self.points, self.weights, self.found.both[None])
+        return information, cross[:, 0]
 
 
-def refine(start: TwoViewPose, points: TwoViewPoints, blocks: IntArray, iterations: int) -> PoseFit:
-    """Robust Gauss-Newton on all points.
-
-    Parameters
-    ----------
-    start : pose and planes to start from; near enough that most points agree.
-    points : of all captures; `plane_index` runs over the planes of all.
-    blocks : (N,) block of a picture that each point lies in, see `picture_blocks`.
+def refine(start: TwoViewPose, support: Support, iterations: int) -> PoseFit:
+    """Robust Gauss-Newton on all points, from a start near enough that most points agree.
 
     Raises DegenerateError where the points do not determine a pose.
     """
-    fit = evaluate(start, points, blocks)
+    fit = evaluate(start, support)
     for _ in range(iterations):
-        fit = evaluate(fit.improved(), points, blocks)
+        fit = evaluate(fit.improved(), support)
     return fit
 
 
 def gather(start: TwoViewPose, points: TwoViewPoints) -> TwoViewPose:
-    """Draw in the points that a start from one plane misses: a wide reach for them, halved at each step.
+    """Draw in the points that a start from one plane misses: a wide reach for them, a third at each step.
 
     Each plane, and the points on none, have a scale of their own, so that the plane which the start
     comes from holds the pose while the others pull it right.
     """
     pose, reach = start, np.inf
     free = points.plane_index == FREE
+    members = [np.flatnonzero(points.plane_index == plane) for plane in range(len(start.planes))]
     for _ in range(12):
         found = residuals(pose, points)
-        scale = np.empty(len(points))
-        plane_of_row = points.plane_index[found.rows]
-        levels: list[float] = []
-        for plane in range(len(pose.planes)):
-            along = found.along[plane_of_row == plane]
-            mine = points.plane_index == plane
-            levels.append(robust_level(np.concatenate([found.epipolar[mine], along])))
-            scale[mine] = levels[-1]
-        floor = min(levels)
-        reach = max(floor, min(reach / 2, robust_level(found.epipolar[free]))) if free.any() else floor
-        scale[free] = reach
-        along_scale = scale[found.rows]
-        information, gradient = normal_equations(
-            pose,
-            points,
-            found,
-            biweight(found.epipolar / scale) / scale**2,
-            biweight(found.along / along_scale) / along_scale**2,
-        )
-        step = solve_normal_equations(information, -gradient)
+        levels = np.array([median_level(found.both[:, mine].ravel()) for mine in members])
+        floor = float(levels.min())
+        reach = max(floor, min(reach / 3, median_level(found.epipolar[free]))) if free.any() else floor
+        scale = np.append(levels, reach)[points.plane_index]  # that of FREE is the last
+        weights = biweight(found.both / scale) / scale**2
+        information, cross, _ = normal_equations(pose, points, weights, found.both[None])
+        step = solve_normal_equations(information, -cross[:, 0])
         pose = pose.moved(step)
         if reach <= floor and np.abs(step[:POSE_PARAMETERS]).max() < 1e-4:
             break
     return pose
 
 
-def evaluate(pose: TwoViewPose, points: TwoViewPoints, blocks: IntArray) -> PoseFit:
-    """Residuals, noise, weights and normal equations at a pose."""
-    found = residuals(pose, points)
-    parameters = POSE_PARAMETERS + 3 * len(pose.planes)
-    freedom = len(points) + len(found.rows) - parameters
+def evaluate(pose: TwoViewPose, support: Support) -> PoseFit:
+    """Residuals, noise and weights at a pose."""
+    found = residuals(pose, support.points)
+    on_plane = int(np.count_nonzero(support.points.plane_index != FREE))
+    count = len(support.points) + on_plane
+    freedom = count - POSE_PARAMETERS - 3 * len(pose.planes)
     if freedom < 1:
         raise DegenerateError("pose: fewer measurements than unknowns; more correspondences are needed")
-    epipolar_level, along_level = _levels(found, freedom)
-    plane_blocks = plane_block_index(points, found.rows)
-    epipolar_weights = biweight(found.epipolar / epipolar_level)
-    along_weights = biweight(found.along / along_level)
-    epipolar_noise = _with_shared_part(found.epipolar, epipolar_weights, epipolar_level, blocks)
-    along_noise = _with_shared_part(found.along, along_weights, along_level, plane_blocks)
-    information, gradient = normal_equations(
-        pose,
-        points,
-        found,
-        epipolar_weights / epipolar_noise.variance,
-        along_weights / along_noise.variance,
+    levels = _levels(found, on_plane, count / freedom)
+    robust_weights = np.stack([biweights(*family) for family in zip(found.both, levels, strict=True)])
+    epipolar_noise, along_noise = (
+        with_shared_part(*family) for family in zip(found.both, robust_weights, levels, support.blocks, strict=True)
     )
-    return PoseFit(pose, found, epipolar_noise, along_noise, epipolar_weights, along_weights, information, gradient)
+    return PoseFit(pose, support.points, found, epipolar_noise, along_noise, robust_weights)
 
 
-def chi_square(fit: PoseFit, reference: PoseFit) -> tuple[FloatArray, FloatArray]:
-    """Saturating chi-square of each epipolar (N,) and along (M,) residual, in the noise of `reference`."""
-    epipolar, along = reference.epipolar_noise, reference.along_noise
-    return (
-        biweight_loss(fit.found.epipolar / epipolar.level) * (epipolar.level**2 / epipolar.variance),
-        biweight_loss(fit.found.along / along.level) * (along.level**2 / along.variance),
+def chi_square(fit: PoseFit, reference: PoseFit) -> FloatArray:
+    """(N,) saturating chi-square of both residuals of each point, in the noise of `reference`."""
+    epipolar, along = (
+        biweight_loss(values / noise.level) * (noise.level**2 / noise.variance)
+        for values, noise in zip(fit.found.both, (reference.epipolar_noise, reference.along_noise), strict=True)
     )
-
-
-def biweight(relative: FloatArray) -> FloatArray:
-    """Tukey's weight (1 - (r / 6)^2)^2; zero from 6 on, and for NaN.
-
-    >>> biweight(np.array([0.0, 3.0, 7.0, np.nan])).tolist()
-    [1.0, 0.5625, 0.0, 0.0]
-    """
-    inside = 1 - (relative / CUTOFF) ** 2
-    return np.fmax(inside, 0.0) ** 2
-
-
-def biweight_loss(relative: FloatArray) -> FloatArray:
-    """Tukey's loss: r^2 near zero, 12 from 6 on, and for NaN.
-
-    >>> biweight_loss(np.array([0.1, 7.0, np.nan])).round(6).tolist()
-    [0.009997, 12.0, 12.0]
-    """
-    inside = 1 - (relative / CUTOFF) ** 2
-    return CUTOFF**2 / 3 * (1 - np.fmax(inside, 0.0) ** 3)
-
-
-def robust_level(values: FloatArray) -> float:
-    """Standard deviation from the median absolute value; not below that of exact points."""
-    return max(1.4826 * float(np.median(np.abs(values))), SMALLEST_LEVEL)
-
-
-def picture_blocks(camera_rays: FloatArray, capture: IntArray) -> IntArray:
-    """(N,) number of the block, one of 6 x 6 over each capture's points, that each point lies in."""
-    blocks = np.empty(len(camera_rays), dtype=np.int64)
-    for index in range(int(capture.max()) + 1):
-        mine = capture == index
-        blocks[mine] = _grid_cell(camera_rays[mine]) + index * BLOCKS**2
-    return blocks
-
-
-def plane_block_index(points: TwoViewPoints, rows: IntArray) -> IntArray:
-    """(M,) the same over each plane's own points."""
-    plane = points.plane_index[rows]
-    blocks = np.empty(len(rows), dtype=np.int64)
-    for index in range(int(plane.max(initial=-1)) + 1):
-        mine = plane == index
-        if mine.any():
-            blocks[mine] = _grid_cell(points.camera_rays[rows[mine]]) + index * BLOCKS**2
-    return blocks
-
-
-def _grid_cell(rays: FloatArray) -> IntArray:
-    low, high = rays.min(axis=0), rays.max(axis=0)
-    cell = ((rays - low) * (BLOCKS / np.maximum(high - low, 1e-300))).astype(np.int64)
-    cell = np.minimum(cell, BLOCKS - 1)
-    return cell[:, 1] * BLOCKS + cell[:, 0]
-
-
-def _levels(found: Residuals, freedom: int) -> tuple[float, float]:
-    """Level of each family; one for both unless they clearly differ."""
-    count = len(found.epipolar) + len(found.along)
-    correction = count / freedom
-    pooled = _level(np.concatenate([found.epipolar, found.along]), correction)
-    if min(len(found.epipolar), len(found.along)) < 20:
-        return pooled, pooled
-    epipolar, along = _level(found.epipolar, correction), _level(found.along, correction)
-    spread = np.sqrt(2 / len(found.epipolar) + 2 / len(found.along))
-    if abs(2 * np.log(along / epipolar)) > 4 * spread:
-        return epipolar, along
-    return pooled, pooled
-
-
-def _level(values: FloatArray, correction: float) -> float:
-    # From the nearest quarter (0.3186 sigma where all are good), so that half may be wrong, and more.
-    level, squared = max(float(np.quantile(np.abs(values), 0.25)) / 0.3186, SMALLEST_LEVEL), values**2
-    for _ in range(4):
-        weights = biweight(values / level)
-        squares = float((weights * squared).sum()) * correction
-        level = max(float(np.sqrt(squares / (CONSISTENCY * max(float(weights.sum()), 1e-300)))), SMALLEST_LEVEL)
-    return level
-
-
-def _with_shared_part(values: FloatArray, weights: FloatArray, level: float, blocks: IntArray) -> Noise:
-    """Split the scatter of block means into what independent noise explains and what it does not.
-
-    With n points of independent level s in each block, Q = sum n mean^2 / s^2 is chi-square with one degree
-    of freedom a block; what it exceeds that by is the shared part (DerSimonian and Laird 1986).
-    """
-    variance = np.full(len(values), level**2)
-    if len(values) == 0:
-        return Noise(level, 0.0, variance)
-    number = np.bincount(blocks, weights)
-    used = number > 3
-    total = np.bincount(blocks, weights * values)
-    count = int(np.count_nonzero(used))
-    if count < 4:
-        return Noise(level, 0.0, variance)
-    excess = float((total[used] ** 2 / number[used]).sum() / level**2) - count
-    if not excess > 4 * np.sqrt(2 * count):
-        return Noise(level, 0.0, variance)
-    shared = level**2 * excess / float(number[used].sum())
-    variance += shared * number[blocks]
-    return Noise(level, float(np.sqrt(shared)), variance)
+    return epipolar + along
 
 
 def solve_normal_equations(information: FloatArray, right: FloatArray) -> FloatArray:
-    """The step for a right-hand side; DegenerateError where the points do not determine one."""
+    """The step for one right-hand side (S,), or steps for many (S, K); DegenerateError where nothing determines one."""
     scale = np.sqrt(np.diag(information))
     if not (scale > 0).all():
         raise DegenerateError("pose: the points do not determine it; show a plane that fills more of the picture")
     try:
-        step = np.linalg.solve(information / np.outer(scale, scale), right / scale) / scale
+        step = (np.linalg.solve(information / np.outer(scale, scale), (right.T / scale).T).T / scale).T
     except np.linalg.LinAlgError:
-        step = np.full(len(right), np.nan)
+        step = np.full(right.shape, np.nan)
     if not np.isfinite(step).all():
         raise DegenerateError("pose: the points do not determine it; show a plane that fills more of the picture")
     return step
+
+
+def _levels(found: Residuals, on_plane: int, correction: float) -> tuple[float, float]:
+    """Level of each family; one for both unless they clearly differ."""
+    across = len(found.epipolar)
+    if min(across, on_plane) < FEWEST_OF_A_FAMILY:
+        pooled = biweight_level(found.both.ravel(), correction)
+        return pooled, pooled
+    epipolar, along = biweight_level(found.epipolar, correction), biweight_level(found.along, correction)
+    spread = np.sqrt(2 / across + 2 / on_plane)
+    if abs(2 * np.log(along / epipolar)) > 4 * spread:
+        return epipolar, along
+    between = (across * epipolar + on_plane * along) / (across + on_plane)
+    pooled = reweighted_level(found.both.ravel(), between, correction)
+    return pooled, pooled

@@ -10,16 +10,26 @@ import numpy as np
 from retrue.correspondences import Correspondences, require_captures
 from retrue.errors import DegenerateError, require_kind
 from retrue.geometry.transform import RigidTransform
-from retrue.recalibration.estimate import Estimate, estimate_pose
-from retrue.recalibration.evidence import candidate, change, rms, sigma, sigma_at, working_distance
-from retrue.recalibration.fit import PoseFit, picture_blocks, refine
+from retrue.recalibration.candidates import Estimate, estimate_pose
+from retrue.recalibration.fit import PoseFit, Support, refine
 from retrue.recalibration.judge import Choice, choose_twin, objection, supporting_rays
 from retrue.recalibration.options import RecalibrateOptions
-from retrue.recalibration.prepare import Rays
+from retrue.recalibration.rays import Rays
 from retrue.recalibration.reasons import Reason, reason_of
-from retrue.recalibration.result import Accepted, Evidence, PoseCandidate, Refused
+from retrue.recalibration.result import (
+    Accepted,
+    Evidence,
+    PoseCandidate,
+    Refused,
+    candidate,
+    change,
+    rms,
+    sigma,
+    sigma_at,
+    working_distance,
+)
 from retrue.recalibration.scale import translation_length
-from retrue.recalibration.systematic import systematic_covariance
+from retrue.recalibration.uncertainty import systematic_covariance
 from retrue.rig import Rig, require_rig
 
 
@@ -57,7 +67,7 @@ def recalibrate(
             return Refused(choice, _unresolved(rig, estimate, total, options))
         rays = supporting_rays(estimate, options)
         chosen = estimate.comparison.fits[choice.index]
-        fit = refine(chosen.pose, rays.points, picture_blocks(rays.points.camera_rays, rays.capture), iterations=2)
+        fit = refine(chosen.pose, Support.of(rays), iterations=2)
         evidence = _evidence(rig, estimate, rays, choice, fit, total, options)
         cause = objection(fit, rays, estimate, evidence, options)
     except DegenerateError as error:

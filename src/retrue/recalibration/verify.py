@@ -17,22 +17,16 @@ from retrue.correspondences import Correspondences, require_captures
 from retrue.errors import DegenerateError, InputError, require_kind
 from retrue.geometry.arrays import FloatArray, finite_array
 from retrue.geometry.transform import RigidTransform, direction_angle, vector_from_rotation
-from retrue.geometry.two_view import (
-    POSE_PARAMETERS,
-    TwoViewPose,
-    epipolar_residuals,
-    tangent_basis,
-)
+from retrue.geometry.two_view import POSE_PARAMETERS, TwoViewPose, epipolar_residuals, tangent_basis
 from retrue.ranges import check_ranges, ranged
-from retrue.recalibration.estimate import Estimate, estimate_pose
-from retrue.recalibration.evidence import change, rms, sigma_at, working_distance
-from retrue.recalibration.fit import PoseFit, picture_blocks, refine
+from retrue.recalibration.candidates import Estimate, estimate_pose
+from retrue.recalibration.fit import PoseFit, Support, refine
 from retrue.recalibration.judge import Choice, choose_twin, imprecision, inconsistency, supporting_rays
 from retrue.recalibration.options import RecalibrateOptions
-from retrue.recalibration.prepare import Rays
+from retrue.recalibration.rays import Rays
 from retrue.recalibration.reasons import Imprecise, Reason, reason_of
-from retrue.recalibration.result import Verification
-from retrue.recalibration.systematic import systematic_covariance
+from retrue.recalibration.result import Verification, change, rms, sigma_at, working_distance
+from retrue.recalibration.uncertainty import systematic_covariance
 from retrue.rig import Rig, require_rig
 
 
@@ -97,8 +91,7 @@ def _verify(rig: Rig, captures: Sequence[Correspondences], total: int, options: 
     choice = choose_twin(estimate.comparison, rig.projector_from_camera, options.estimate)
     fit = _supported_fit(rig, estimate, choice, rays)
     old = rig.projector_from_camera
-    unit_t = old.t / np.linalg.norm(old.t)
-    epipolar_rms = rms(epipolar_residuals(old.R, unit_t, rays.points)[fit.explained])
+    epipolar_rms = rms(epipolar_residuals(old, rays.points)[fit.explained])
     difference = pose_difference(fit.pose, old)
     covariance = (
         fit.covariance + systematic_covariance(rig, rays.points, fit, options.estimate) + _rig_covariance(rig, options)
@@ -163,7 +156,7 @@ def _supported_fit(rig: Rig, estimate: Estimate, choice: Choice | Reason, rays: 
     chosen = (
         fits[choice.index] if isinstance(choice, Choice) else min(fits, key=lambda f: direction_angle(f.pose.t, old))
     )
-    return refine(chosen.pose, rays.points, picture_blocks(rays.points.camera_rays, rays.capture), iterations=2)
+    return refine(chosen.pose, Support.of(rays), iterations=2)
 
 
 def _rig_covariance(rig: Rig, options: VerifyOptions) -> FloatArray:

@@ -55,6 +55,8 @@ def rays_of_captures(rig: Rig, captures: Sequence[Correspondences], max_points: 
         _rays_of_capture(rig, capture, index, max_points // len(captures), rng)
         for index, capture in enumerate(captures)
     ]
+    if len(parts) == 1:
+        return parts[0]
     points = TwoViewPoints(
         *(np.concatenate([getattr(part.points, name) for part in parts]) for name in TwoViewPoints.__dataclass_fields__)
     )
@@ -72,7 +74,8 @@ def _rays_of_capture(rig: Rig, capture: Correspondences, index: int, max_points:
     camera_sigma, projector_sigma = _relative_sigmas(capture, row)
     camera_rays = rig.camera.unproject(capture.camera_px[row])
     projector_rays = rig.projector.unproject(capture.projector_px[row])
-    good = np.isfinite(camera_rays + projector_rays).sum(axis=1) == 2
+    reached = np.isfinite(camera_rays + projector_rays)
+    good = reached[:, 0] & reached[:, 1]
     points = TwoViewPoints(
         camera_rays,
         projector_rays,
@@ -80,7 +83,8 @@ def _rays_of_capture(rig: Rig, capture: Correspondences, index: int, max_points:
         projector_sigma / _focal_length(rig.projector),
         np.full(len(row), FREE),
     )
-    return Rays(points, np.full(len(row), index), row).select(good)
+    rays = Rays(points, np.full(len(row), index), row)
+    return rays if good.all() else rays.select(good)
 
 
 def _relative_sigmas(capture: Correspondences, row: IntArray) -> tuple[FloatArray, FloatArray]:
