@@ -132,4 +132,5 @@ def direction_angle(a: ArrayLike, b: ArrayLike) -> float:
     a, b = np.asarray(a, dtype=np.float64), np.asarray(b, dtype=np.float64)
     if not (a.any() and b.any()):
         return float("nan")
+    a, b = a / np.abs(a).max(), b / np.abs(b).max()  # so that no product under- or overflows
     return float(np.arctan2(np.linalg.norm(np.cross(a, b)), a @ b))
