@@ -7,7 +7,6 @@ import struct
 import subprocess
 import sys
 import zlib
-from importlib.util import find_spec
 from pathlib import Path
 
 import pytest
@@ -72,11 +71,21 @@ def test_nothing_but_a_retrue_error(name):
     check()
 
 
-@EACH
-@pytest.mark.skipif(find_spec("atheris") is None, reason="atheris is not installed")
-def test_coverage_guided(name, tmp_path):
-    command = [sys.executable, ROOT / "fuzz" / "fuzz.py", name, "-runs=300", f"-artifact_prefix={tmp_path}/"]
-    done = subprocess.run(command, capture_output=True, text=True, check=False, env=os.environ | {"PYTHONWARNINGS": ""})
+def test_coverage_guided(tmp_path):
+    pytest.importorskip("atheris", reason="atheris is not installed")
+    command = f"""
+import os, sys
+sys.path.insert(0, {str(ROOT / "fuzz")!r})
+from fuzz import TARGETS, main
+for name in TARGETS:
+    child = os.fork()
+    if not child:
+        main(name, ["-runs=300", "-artifact_prefix={tmp_path}/"])
+    if os.waitpid(child, 0)[1]:
+        sys.exit("found in " + name)
+"""
+    environment = os.environ | {"PYTHONWARNINGS": ""}
+    done = subprocess.run([sys.executable, "-c", command], capture_output=True, text=True, check=False, env=environment)
     assert done.returncode == 0, done.stderr[-2000:]
 
 
