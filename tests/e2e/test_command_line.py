@@ -136,9 +136,7 @@ def test_decode_copies_a_csv(retrue, files):
     assert (files.folder / "copy.csv").read_bytes() == files.points.read_bytes()
 
 
-@pytest.mark.parametrize(
-    ("kind", "size", "pictures"), [("color-grid", (1024, 768), 1), ("gray-code", (256, 192), 34)]
-)
+@pytest.mark.parametrize(("kind", "size", "pictures"), [("color-grid", (1024, 768), 1), ("gray-code", (256, 192), 34)])
 def test_pattern_makes_what_decode_reads(retrue, tmp_path, kind, size, pictures):
     run = retrue("pattern", kind, "--projector-size", *size, "--out", tmp_path / "a" / "b", "--json")
     assert run.status == 0

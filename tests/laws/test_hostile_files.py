@@ -162,10 +162,10 @@ def test_bombs_are_refused(bomb, tmp_path):
     assert len(str(caught.value)) < len(str(path)) * 2 + 300
 
 
-@pytest.mark.parametrize("name", ["rig", "pattern", "points", "image", "state"])
-def test_a_file_without_end_is_refused(name):
+def test_a_file_without_end_is_refused():
     if not Path("/dev/zero").exists():
         pytest.skip("no /dev/zero here")
+    names = ("rig", "pattern", "points", "image", "state")
     command = f"""
 import resource, sys
 resource.setrlimit(resource.RLIMIT_AS, (6 << 30, 6 << 30))
@@ -173,13 +173,14 @@ sys.path.insert(0, {str(ROOT / "fuzz")!r})
 from pathlib import Path
 from targets import TARGETS
 from retrue.errors import RetrueError
-try:
-    TARGETS[{name!r}].read(Path("/dev/zero"))
-except RetrueError as error:
-    print(error)
+for name in {names}:
+    try:
+        TARGETS[name].read(Path("/dev/zero"))
+    except RetrueError as error:
+        print(name, error)
 """
     done = subprocess.run([sys.executable, "-c", command], capture_output=True, text=True, check=False)
-    assert done.stdout.startswith("/dev/zero: "), done.stderr
+    assert [line.split(": ")[0] for line in done.stdout.splitlines()] == [f"{name} /dev/zero" for name in names], done
 
 
 def test_a_picture_named_like_a_number_that_is_none(tmp_path):
