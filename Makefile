@@ -4,16 +4,25 @@ BIN := .venv/bin
 COMPILE := $(BIN)/uv pip compile --quiet --universal --generate-hashes --python-version 3.11 --no-header --no-annotate
 COMPILED := setup.py build_backend/retrue_build.py $(wildcard src/retrue/kernels/*.py)
 
+PYTEST ?=  # options of pytest
+
 unexport PYTHONPATH  # what is installed is what is tried
 
-.PHONY: test demo docs examples browser format lock wheels clean
+.PHONY: test static dynamic demo docs examples browser format lock wheels clean
 
+# On two cores.
 test: .venv/dev.stamp .venv/run.stamp
+	$(MAKE) --no-print-directory --jobs=2 static dynamic
+
+static: .venv/dev.stamp .venv/run.stamp
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
 	$(BIN)/lint-imports
 	$(BIN)/pyright --pythonpath $(BIN)/python
-	$(BIN)/pytest
+
+# Files go whole to one process, so that what a module's tests share is made once.
+dynamic: .venv/dev.stamp .venv/run.stamp
+	$(BIN)/pytest --numprocesses=2 --dist=loadfile $(PYTEST)
 
 demo: .venv/run.stamp
 	$(BIN)/retrue demo --out demo-out
@@ -26,8 +35,8 @@ docs: .venv/dev.stamp .venv/run.stamp
 examples: .venv/dev.stamp .venv/run.stamp
 	$(BIN)/python -m tests.docs
 
-browser:  # for the tests of the HTML reports, on Debian; without it they are skipped
-	apt-get install --yes chromium
+browser:  # for the tests of the HTML reports and the manual, on Debian; without it they are skipped
+	command -v chromium || (apt-get update && DEBIAN_FRONTEND=noninteractive apt-get install --yes --no-install-recommends chromium)
 
 format: .venv/dev.stamp
 	$(BIN)/ruff check --fix .

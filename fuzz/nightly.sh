@@ -2,7 +2,7 @@
 # A minute of coverage-guided fuzzing for each reader; what breaks one is kept in fuzz/found. SECONDS_EACH and PYTHON may be set.
 set -eu
 cd "$(dirname "$0")"
-python=${PYTHON:-python3}
+python=${PYTHON:-../.venv/bin/python}
 mkdir -p found
 status=0
 for target in $("$python" -c 'from targets import TARGETS; print(*TARGETS)'); do

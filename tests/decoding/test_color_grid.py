@@ -1,6 +1,5 @@
 """One picture decodes, however it was taken; a picture of anything else gives nothing, and says why."""
 
-import json
 from pathlib import Path
 
 import cv2
@@ -10,6 +9,8 @@ import pytest
 from retrue.correspondences import Correspondences
 from retrue.decoding.blocks.decode_color_grid import decode_color_grid
 from retrue.errors import InputError
+from retrue.files.patterns import read_pattern
+from retrue.files.rigs import read_rig
 from retrue.geometry.camera import Camera
 from retrue.geometry.transform import RigidTransform
 from retrue.patterns.color_grid import PAPER_COLORS, ColorGrid, make_color_grid
@@ -18,7 +19,7 @@ from retrue.simulation.camera_model import CameraModel
 from retrue.simulation.scene import Rendered, Scene, render
 from retrue.simulation.surfaces import Box, Paint, Sphere, Wall
 
-RENDERS = Path(__file__).parents[2].parent / "shared" / "data" / "renders"
+RENDERS = Path(__file__).parents[1] / "data" / "renders"
 GRID = make_color_grid((640, 480), 20, 26, seed=2)
 MIXING = ((0.75, 0.12, 0.05), (0.10, 0.85, 0.16), (0.03, 0.20, 0.80))
 HARD_CAMERA = CameraModel(
@@ -251,21 +252,15 @@ def test_a_black_picture_of_another_size_is_refused(plain):
         decode_color_grid(GRID, plain, black=plain[:10])
 
 
-@pytest.mark.skipif(not RENDERS.exists(), reason="shared/data/renders is not here")
 @pytest.mark.parametrize("name", ["wall", "corner", "wall_objects", "textured_wall", "dim"])
 @pytest.mark.parametrize("kind", ["png", "jpg"])
 def test_physically_based_renders_decode(name, kind):
-    spec = json.loads((RENDERS / "pattern.json").read_text())
-    grid = ColorGrid(**{key: spec[key] for key in ("projector_size", "colors", "pitch", "block", "origin", "code")})
-    image = cv2.imread(str(RENDERS / f"{name}_0.{kind}"))[..., ::-1]
-    with np.load(RENDERS / f"{name}_0.npz") as truth:
-        camera = Camera(tuple(truth["cam_size"]), truth["K_c"], truth["dist_c"])
-        projector = Camera(tuple(truth["prj_size"]), truth["K_p"])
-        pose = RigidTransform(truth["R"], truth["t"])
-        depth = truth["depth"]
-    points = decode_color_grid(grid, image)
+    grid = read_pattern(RENDERS / "pattern.json")
+    true = read_rig(RENDERS / f"{name}_0.rig.json")
+    depth = cv2.imread(str(RENDERS / f"{name}_0.depth.png"), cv2.IMREAD_UNCHANGED) / 1e4
+    points = decode_color_grid(grid, cv2.imread(str(RENDERS / f"{name}_0.{kind}"))[..., ::-1])
     column, row = np.round(points.camera_px).astype(int).T
-    rays = camera.unproject(np.stack([column, row], axis=-1))
-    there = projector.project(pose.apply(np.column_stack([rays, np.ones(len(rays))]) * depth[row, column][:, None]))
+    rays = np.column_stack([true.camera.unproject(np.stack([column, row], axis=-1)), np.ones(len(points))])
+    there = true.projector.project(true.projector_from_camera.apply(rays * depth[row, column][:, None]))
     assert len(points) > 1750
     assert (np.abs(there - points.projector_px).max(axis=1) < 0.5 * grid.pitch).all()

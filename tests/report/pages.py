@@ -25,6 +25,7 @@ from retrue.report.verification_page import verification_page
 from tests.recalibration.scenes import CAMERA, PROJECTOR, RIG, SPHERE, WALL, Scene, capture
 
 PROVENANCE = Provenance("retrue verify rig.json", "2024-05-01 12:00:00+00:00", {"retrue": "0.1.0"})
+GRID = (34, 27)  # points that are asked for: enough to see, quick to draw
 SIZES = {"camera": CAMERA.size, "projector": PROJECTOR.size}
 
 
@@ -35,7 +36,7 @@ def photograph() -> np.ndarray:
 
 def seen(scene: Scene | None = None, name: str = "scene.png") -> Capture:
     """A wall with a ball before it."""
-    return Capture(name, capture(scene or Scene((WALL,), (SPHERE,))), photograph())
+    return Capture(name, capture(scene or Scene((WALL,), (SPHERE,)), grid=GRID), photograph())
 
 
 def moved(rig: Rig, degrees: float) -> Rig:
@@ -52,7 +53,7 @@ def accepted(name: str = "scene.png", unit: str = "m", out: str = "new.json") ->
 
 def refused() -> Page:
     """A patch of a wall alone, and a rig file that could come from either of the two poses."""
-    wall = Capture("patch.png", capture(Scene((WALL,)), area=(0.4, 0.6, 0.4, 0.6)), photograph())
+    wall = Capture("patch.png", capture(Scene((WALL,)), area=(0.4, 0.6, 0.4, 0.6), grid=GRID), photograph())
     turned = RigidTransform.from_rotation_vector([0, 0, 0.7], np.zeros(3)).R @ RIG.projector_from_camera.t
     before = replace(RIG, projector_from_camera=RigidTransform(RIG.projector_from_camera.R, turned))
     return recalibration_page(before, [wall], recalibrate(before, [wall.points]))

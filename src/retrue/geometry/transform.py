@@ -129,7 +129,8 @@ def direction_angle(a: ArrayLike, b: ArrayLike) -> float:
     >>> round(float(np.degrees(direction_angle([1, 0, 0], [1, 1, 0]))), 9)
     45.0
     """
-    a, b = np.asarray(a, dtype=np.float64), np.asarray(b, dtype=np.float64)
-    if not (a.any() and b.any()):
+    v, w = np.asarray(a, dtype=np.float64), np.asarray(b, dtype=np.float64)
+    if not (v.any() and w.any()):
         return float("nan")
-    return float(np.arctan2(np.linalg.norm(np.cross(a, b)), a @ b))
+    v, w = v / np.abs(v).max(), w / np.abs(w).max()  # so that no product under- or overflows
+    return float(np.arctan2(np.linalg.norm(np.cross(v, w)), v @ w))
