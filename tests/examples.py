@@ -11,6 +11,7 @@ import numpy as np
 
 import retrue
 from retrue.calibration.detection import BoardCorners
+from retrue.correspondences import Card
 from retrue.simulation.mitsuba_truth import Truth
 from tests.recalibration.scenes import RIG, SPHERE, WALL, Scene, bumped, capture
 from tests.report.pages import calibration
@@ -31,7 +32,7 @@ def examples() -> dict[str, object]:
         confidence=np.linspace(0, 1, count),
         colors=np.full((count, 3), 90, np.uint8),
         cells=np.rint((seen.projector_px - seen.projector_px.min(axis=0)) / SPACING)[:, ::-1].astype(int),
-        card={"decoded": count},
+        card=Card("blocks", count, count, {}, 0.5),
     )
     accepted = retrue.recalibrate(bumped(RIG, [0, 3, 0], [0, 1, 0]), [points])
     refused = retrue.recalibrate(bumped(RIG, [0, 60, 0], [0, 50, 0]), [points])

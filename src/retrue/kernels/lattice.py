@@ -1,8 +1,7 @@
 """What blocks on one surface say about each other: slopes, lines of three, steps and sides that are alike.
 
 Arrays are (rows, columns, ...) of the code, NaN where no block is. `right` (rows, columns - 1) and `down` (rows - 1,
-columns) are the joints: whether a block hangs together with the next one of its row, of its column.
-"""
+columns) are the joints: whether a block hangs together with the next one of its row, of its column."""
 
 from __future__ import annotations
 

@@ -28,11 +28,9 @@ def _bilinear(
     x: cython.double,
     y: cython.double,
 ) -> Color:
-    """The colour at (x, y) of a picture of two rows and columns or more; outside as at its border.
+    """The colour at (x, y) of `pixels` (height width 3,), two rows and columns or more; outside as at its border.
 
-    `pixels` (height width 3,) are its own; `levels` is the number that each value of them is, which is quicker looked
-    up than converted.
-    """
+    `levels` is the number that each value of a pixel is: quicker looked up than converted."""
     cython.declare(column=cython.Py_ssize_t, row=cython.Py_ssize_t, i=cython.Py_ssize_t, j=cython.Py_ssize_t)
     if 0 <= x < width - 1 and 0 <= y < height - 1:
         column, row = cython.cast(cython.Py_ssize_t, x), cython.cast(cython.Py_ssize_t, y)
@@ -64,10 +62,9 @@ def weigh_channels(
     trust: cython.const[cython.double][::1],
     weights: cython.double[:, ::1],
 ) -> cython.void:
-    """`weights` (N, 3) <- what makes one number of a colour: most where block and gaps differ most.
+    """`weights` (N, 3) <- what makes one number of a colour, most where block and gaps differ most.
 
-    Of blocks at `position` (N, 2), with pitches `right` and `down`; left as they are where those are not finite.
-    """
+    Of blocks at `position` (N, 2), with pitches `right` and `down`; left as they are where those are not finite."""
     n: cython.Py_ssize_t
     with cython.nogil:
         for n in range(position.shape[0]):
@@ -144,8 +141,7 @@ def fit_profiles(
     """Move each of `blocks` to where two filters of its profiles, one along each axis, have its middle.
 
     The middle lies `shift` off the centre at `position`, (N, 2) each; `borders` (K - 1,) are the blurs, in pitches,
-    between which each of the K pairs of `filters` (K, 2, T) is used.
-    """
+    between which each of the K pairs of `filters` (K, 2, T) is used."""
     cython.declare(k=cython.Py_ssize_t, axis=cython.Py_ssize_t, i=cython.Py_ssize_t)
     with cython.nogil:
         samples = t.shape[0]
