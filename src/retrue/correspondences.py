@@ -15,8 +15,8 @@ from retrue.shown import ShortRepr, Shown, counted
 from retrue.values import ByValue
 
 
-@dataclass(frozen=True, slots=True)
-class Card:
+@dataclass(frozen=True, slots=True, eq=False)
+class Card(ByValue):
     """What a decoder has to say of a capture, counted in what it decodes: pixels of a Gray code, blocks of a grid.
 
     Attributes
