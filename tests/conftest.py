@@ -4,8 +4,12 @@ from hashlib import sha256
 from importlib import import_module
 
 import pytest
+from hypothesis import settings
 
 from tests.kernels.plain import SOURCES
+
+settings.register_profile("untimed", deadline=None)  # how long a test takes is the machine's affair
+settings.load_profile("untimed")
 
 
 def pytest_sessionstart() -> None:
