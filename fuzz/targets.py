@@ -14,7 +14,8 @@ import numpy as np
 from retrue.calibration.board import parse_board
 from retrue.correspondences import Correspondences
 from retrue.errors import RetrueError
-from retrue.files.board_captures import capture_size, read_board_capture
+from retrue.files.board_captures import read_board_capture
+from retrue.files.captures import pictures_size
 from retrue.files.history import history_path, read_history, write_in_place
 from retrue.files.images import read_image
 from retrue.files.patterns import read_pattern, write_pattern
@@ -98,7 +99,7 @@ def _read_board_capture(path: Path) -> None:
     folder.mkdir(exist_ok=True)
     path.replace(folder / "white.png")
     (folder / "grid.png").write_bytes(cv2.imencode(".png", np.zeros((12, 16, 3), np.uint8))[1].tobytes())
-    capture_size(folder)
+    pictures_size(folder)
     read_board_capture(folder, GRID, parse_board("chessboard:3x3:1mm"))
 
 
@@ -114,7 +115,17 @@ def _image_seeds() -> list[bytes]:
 def _point_seeds() -> list[bytes]:
     px = np.arange(8.0).reshape(4, 2)
     rich = Correspondences(
-        px, px, np.ones(4), np.ones(4), np.ones(4), np.zeros((4, 3), np.uint8), np.zeros((4, 2), np.int64)
+        px,
+        px,
+        np.ones(4),
+        np.ones(4),
+        np.ones(4),
+        np.zeros((4, 3), np.uint8),
+        np.zeros((4, 2), np.int64),
+        light=np.array([1.0, np.nan, 2.5, 0.0]),
+        light_class=np.arange(4),
+        camera_size=(64, 48),
+        projector_size=(32, 24),
     )
     return [_written(partial(write_points, points=points)) for points in (Correspondences(px, px), rich)]
 

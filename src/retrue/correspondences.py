@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from retrue.errors import InputError, require_kind, require_kinds
-from retrue.geometry.arrays import BoolArray, FloatArray, IntArray, finite_array, frozen_array
+from retrue.geometry.arrays import BoolArray, FloatArray, IntArray, finite_array, frozen_array, whole_size
 from retrue.shown import ShortRepr, Shown, counted
 from retrue.values import ByValue
 
@@ -53,6 +53,11 @@ class Correspondences(ByValue, ShortRepr):
     cells : (N, 2) int, (row, column) in a grid whose neighbours are neighbours on the surface: camera
         pixels for a dense code, blocks for a colour grid. None where the points have no topology.
     card : what the decoder has to say; None where the points come from elsewhere.
+    light : (N,) what the projector alone adds at each point, in any unit; NaN where that is not known, as where the
+        picture is saturated.
+    light_class : (N,) int. Points of one class share a constant factor of `light`, as blocks of one colour do; None
+        where all points do.
+    camera_size, projector_size : (width, height) of the rasters that the pixels are of; None where nobody said.
     """
 
     camera_px: FloatArray
@@ -63,6 +68,10 @@ class Correspondences(ByValue, ShortRepr):
     colors: NDArray[np.uint8] | None = None
     cells: IntArray | None = None
     card: Card | None = None
+    light: FloatArray | None = None
+    light_class: IntArray | None = None
+    camera_size: tuple[int, int] | None = None
+    projector_size: tuple[int, int] | None = None
 
     def __post_init__(self) -> None:
         camera_px = finite_array(self.camera_px, (None, 2), "camera_px")
@@ -77,20 +86,28 @@ class Correspondences(ByValue, ShortRepr):
             column = getattr(self, name)
             if column is not None and len(column) != len(camera_px):
                 raise InputError(f"{name}: expected {len(camera_px)} rows as in camera_px, found {len(column)}")
+        for name in SIZES:
+            size = getattr(self, name)
+            if size is not None:
+                object.__setattr__(self, name, whole_size(size, name))
 
     def __len__(self) -> int:
         return len(self.camera_px)
 
     def select(self, rows: IntArray | BoolArray) -> Correspondences:
         """The same, with only those rows (a mask or indices)."""
-        columns = {name: None if (column := getattr(self, name)) is None else column[rows] for name in OPTIONAL_COLUMNS}
-        return Correspondences(self.camera_px[rows], self.projector_px[rows], **columns, card=self.card)
+        columns = ("camera_px", "projector_px", *OPTIONAL_COLUMNS)
+        kept = {name: None if (column := getattr(self, name)) is None else column[rows] for name in columns}
+        return replace(self, **kept)
 
     def _shown(self) -> Shown:
         rows = {name: _extent(getattr(self, name)) for name in ("camera_px", "projector_px") if len(self)}
         columns = [name for name in OPTIONAL_COLUMNS if getattr(self, name) is not None]
         if columns:
             rows["with"] = ", ".join(columns)
+        for name in SIZES:
+            if size := getattr(self, name):
+                rows[name] = f"{size[0]} x {size[1]}"
         if self.card is not None and self.card.advice:
             rows["advice"] = "; ".join(self.card.advice)
         return counted(len(self), "point"), rows
@@ -129,10 +146,13 @@ def require_captures(values: object) -> None:
 
 
 READERS = "retrue.read_capture decodes pictures, retrue.read_points reads a table"
+SIZES = ("camera_size", "projector_size")
 OPTIONAL_COLUMNS: dict[str, tuple[type[np.generic], tuple[int, ...]]] = {  # what each row is
     "camera_sigma_px": (np.float64, ()),
     "projector_sigma_px": (np.float64, ()),
     "confidence": (np.float64, ()),
     "colors": (np.uint8, (3,)),
     "cells": (np.int64, (2,)),
+    "light": (np.float64, ()),
+    "light_class": (np.int64, ()),
 }

@@ -181,6 +181,60 @@ def test_sixteen_bits_and_a_black_and_a_white_picture_are_taken():
     assert len(helped) >= len(alone) > 400
 
 
+TILT = (0.1, 0.7, 0.0)
+
+
+def lit(model: CameraModel, shown=None) -> np.ndarray:
+    """A bare wall, under light that falls off."""
+    shown = GRID.render() if shown is None else shown
+    return render(rig(), Scene([wall(tilt=TILT)], bright_at=1500.0), shown, model, seed=5).image
+
+
+def irradiance(points: Correspondences) -> np.ndarray:
+    """Of a white projector on that wall, up to a factor: cos(theta) / distance^2."""
+    plane, pose = RigidTransform.from_rotation_vector(TILT, [0, 0, 1500]), rig().projector_from_camera
+    normal = plane.R[:, 2]
+    rays = np.column_stack([rig().camera.unproject(points.camera_px), np.ones(len(points))])
+    beam = rays * (normal @ plane.t / (rays @ normal))[:, None] - pose.inverse().t
+    return np.abs(beam @ normal) / np.linalg.norm(beam, axis=1) ** 3
+
+
+def scatter_of_light(points: Correspondences, expected) -> float:
+    """Robust scatter of the logarithm of light over `expected`, within a class."""
+    ratio = np.log(points.light / expected)
+    classes = np.zeros(len(points), int) if points.light_class is None else points.light_class
+    middle = np.array([np.nanmedian(ratio[classes == k]) if (classes == k).any() else 0.0 for k in range(7)])
+    return float(1.48 * np.nanmedian(np.abs(ratio - middle[classes])))
+
+
+def test_light_is_what_the_projector_adds_by_colour():
+    points = decode_color_grid(GRID, lit(CameraModel(exposure=0.6, mixing=MIXING, electrons=50000)))
+    assert (points.camera_size, points.projector_size) == ((480, 360), (640, 480))
+    assert np.array_equal(points.light_class, np.asarray(GRID.code)[points.cells[:, 0], points.cells[:, 1]])
+    assert np.isfinite(points.light).mean() > 0.99
+    assert scatter_of_light(points, irradiance(points)) < 0.04
+    assert scatter_of_light(points, 1.0) > 0.15
+
+
+def test_light_is_not_known_where_the_picture_is_saturated():
+    points = decode_color_grid(GRID, lit(CameraModel(exposure=1.2)))
+    x, y = np.round(points.camera_px).astype(int).T
+    full = lit(CameraModel(exposure=1.2))[y, x].max(axis=-1) == 255
+    assert 0.1 < full.mean() < 0.9
+    assert np.isnan(points.light[full]).all()
+    assert np.isfinite(points.light[~full]).mean() > 0.9
+
+
+def test_a_white_and_a_black_picture_tell_the_light_of_all_colours():
+    model = CameraModel(exposure=0.6)
+    grid, black, white = (lit(model, shown) for shown in (None, GRID.render() * 0, GRID.render() * 0 + 255))
+    points = decode_color_grid(GRID, grid, black, white)
+    assert points.light_class is None
+    assert scatter_of_light(points, irradiance(points)) < 0.01
+    without = decode_color_grid(GRID, grid, white=white)
+    assert (without.light, without.light_class) == (None, None)
+
+
 def test_every_point_comes_with_its_columns():
     points = decode_color_grid(GRID, picture(Scene([wall()])).image)
     assert points.cells is not None

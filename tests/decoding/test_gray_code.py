@@ -46,6 +46,20 @@ def test_cells_are_camera_pixels_and_coordinates_pixel_centres(plain_shot):
     assert points.camera_px.dtype == points.projector_px.dtype == np.float64
 
 
+def test_light_is_white_less_black_where_white_is_not_saturated(shooting):
+    albedo = np.broadcast_to(np.linspace(0.2, 1.3, 240), (180, 240))
+    shot = shooting(PATTERN, albedo=albedo)
+    points = decode(PATTERN, shot.pictures)
+    x, y = points.camera_px.astype(int).T
+    white, black = shot.pictures[-2][y, x], shot.pictures[-1][y, x]
+    full = white >= 253
+    assert 0.05 < full.mean() < 0.5
+    assert np.array_equal(np.isnan(points.light), full)
+    assert np.array_equal(points.light[~full], (white.astype(float) - black)[~full])
+    assert points.light_class is None
+    assert (points.camera_size, points.projector_size) == ((240, 180), (128, 96))
+
+
 @pytest.mark.parametrize("order", ["last", "first", "absent"])
 def test_white_and_black_may_be_last_first_or_absent(plain_shot, pictures, order):
     bits, lit = pictures[:-2], pictures[-2:]

@@ -3,7 +3,7 @@ import pytest
 
 from retrue.correspondences import Correspondences
 from retrue.errors import FileError
-from retrue.files.points import read_points, write_points
+from retrue.files.points import OPTIONAL, read_points, write_points
 
 HEADER = "camera_x,camera_y,projector_x,projector_y\n"
 
@@ -18,6 +18,10 @@ def some_points(count=50):
         confidence=rng.uniform(0, 1, count),
         colors=rng.integers(0, 256, (count, 3)).astype(np.uint8),
         cells=rng.integers(-5, 1000, (count, 2)),
+        light=np.where(rng.uniform(size=count) < 0.1, np.nan, rng.normal(size=count)),
+        light_class=rng.integers(0, 7, count),
+        camera_size=(1280, 960),
+        projector_size=(1024, 768),
     )
 
 
@@ -25,10 +29,12 @@ def test_round_trip_is_exact(tmp_path):
     points = some_points()
     write_points(tmp_path / "points.csv", points)
     again = read_points(tmp_path / "points.csv")
-    for name in ("camera_px", "projector_px", "camera_sigma_px", "projector_sigma_px", "confidence", "colors", "cells"):
-        written, read = getattr(points, name), getattr(again, name)
-        assert read.dtype == written.dtype, name
-        assert np.array_equal(read, written), name
+    assert again == points
+    for name in ("camera_px", *OPTIONAL):
+        assert getattr(again, name).dtype == getattr(points, name).dtype, name
+    first, header = (tmp_path / "points.csv").read_text().splitlines()[:2]
+    assert first == "# camera_size=1280x960 projector_size=1024x768"
+    assert header.endswith(",light,light_class")
 
 
 def test_optional_columns_that_are_not_there_are_none(tmp_path):
@@ -95,6 +101,59 @@ def test_a_value_out_of_range_is_named(tmp_path):
 )
 def test_what_is_no_points_file(tmp_path, content, complaint):
     (tmp_path / "points.csv").write_bytes(content)
+    with pytest.raises(FileError, match=complaint):
+        read_points(tmp_path / "points.csv")
+
+
+@pytest.mark.parametrize(
+    ("start", "sizes"),
+    [
+        ("# camera_size=640x480\n", ((640, 480), None)),
+        ("# matched by hand\n#projector_size=4x3 camera_size=640x480\n\n", ((640, 480), (4, 3))),
+        ("  # projector_size=4x3\n# camera_size=640x480\n", ((640, 480), (4, 3))),
+        ("# nothing known, 1,2,3,4\n", (None, None)),
+    ],
+)
+def test_rasters_and_comments_stand_before_the_header(tmp_path, start, sizes):
+    (tmp_path / "points.csv").write_text(f"{start}{HEADER}1,2,3,4\n# a break\n5,6,7,8\n")
+    points = read_points(tmp_path / "points.csv")
+    assert points.camera_px.tolist() == [[1, 2], [5, 6]]
+    assert (points.camera_size, points.projector_size) == sizes
+
+
+@pytest.mark.parametrize(
+    "line",
+    [
+        "# camera_size=640",
+        "# camera_size: 640x480",
+        "# camera_size=640x480 by hand",
+        "# camera_size=640x0",
+        "# camera_size=640x480,projector_size=4x3",
+        "# camera_size=640x480 camera_size=640x480",
+        "# camera_size=9999999x480",
+        "# camera_size=٦٤x480",
+    ],
+)
+def test_a_bad_size_is_named(tmp_path, line):
+    (tmp_path / "points.csv").write_text(f"# by hand\n{line}\n{HEADER}1,2,3,4\n", encoding="utf-8")
+    expected = "line 2: expected '# camera_size=1280x960 projector_size=1024x768', found"
+    with pytest.raises(FileError, match=expected) as error:
+        read_points(tmp_path / "points.csv")
+    assert str(error.value).endswith(f"found '{line}'")
+
+
+@pytest.mark.parametrize(
+    ("row", "complaint"),
+    [
+        ("1,2,3,nan,5,0", "line 6: projector_y: expected a finite number, found 'nan'"),
+        ("1,2,3,4,inf,0", "line 6: light: expected a finite number, found 'inf'"),
+        ("1,2,3,4,5,nan", "line 6: light_class: expected a finite number, found 'nan'"),
+        ("1,2,3,4,5,1e7", "line 6: light_class: expected -1e"),
+    ],
+)
+def test_lines_are_counted_with_comments(tmp_path, row, complaint):
+    text = f"# camera_size=640x480\n# x\n{HEADER.strip()},light,light_class\n1,2,3,4,nan,0\n# y\n{row}\n"
+    (tmp_path / "points.csv").write_text(text)
     with pytest.raises(FileError, match=complaint):
         read_points(tmp_path / "points.csv")
 

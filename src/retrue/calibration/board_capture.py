@@ -8,7 +8,7 @@ import numpy as np
 
 from retrue.calibration.board import Board
 from retrue.calibration.detection import BoardCorners, BoardNotFound, find_board
-from retrue.calibration.views import BoardCapture
+from retrue.calibration.views import BoardCapture, picture_size
 from retrue.correspondences import Correspondences
 from retrue.errors import CaptureError
 from retrue.geometry.arrays import Image
@@ -53,7 +53,10 @@ def see_board(name: str, pattern: Pattern, images: Sequence[Image], names: Seque
     rows, columns = _around(corners, board, sequence.white)
     points = decode_sequence(pattern, sequence.part(rows, columns))
     camera_px = points.camera_px + np.array([columns.start, rows.start])
-    return BoardCapture(name, sequence.white, Correspondences(camera_px, points.projector_px), corners)
+    whole = Correspondences(
+        camera_px, points.projector_px, camera_size=picture_size(sequence.white), projector_size=pattern.projector_size
+    )
+    return BoardCapture(name, sequence.white, whole, corners)
 
 
 def _corners(white: Image, board: Board) -> BoardCorners | None:

@@ -22,7 +22,7 @@ from retrue.calibration.result import Calibrated, RefusedCalibration, fitted_vie
 from retrue.calibration.setup import Setup
 from retrue.calibration.uncertainty import normal_spread_deg, predicted_error
 from retrue.calibration.views import BoardCapture, Capture, LeftOut, Progress, StereoCapture, picture_size, see_views
-from retrue.errors import DegenerateError, InputError, require_kind, require_kinds
+from retrue.errors import CaptureError, DegenerateError, InputError, require_kind, require_kinds
 from retrue.geometry.arrays import FloatArray, IntArray
 from retrue.geometry.camera import Camera
 from retrue.rig import Rig
@@ -244,6 +244,7 @@ def _sizes(captures: Sequence[Capture], projector_size: tuple[int, int] | None, 
         sizes = picture_size(first.left), picture_size(first.right)
     elif projector_size is not None:
         sizes = picture_size(first.white), projector_size
+        _require_patterns(captures, projector_size)
     else:
         raise InputError("calibration: expected the size of the projector's picture, found none")
     for name, size, camera in zip(("camera", "projector"), sizes, known, strict=True):
@@ -253,6 +254,17 @@ def _sizes(captures: Sequence[Capture], projector_size: tuple[int, int] | None, 
                 f"found {camera.size[0]} x {camera.size[1]}"
             )
     return sizes
+
+
+def _require_patterns(captures: Sequence[Capture], projector_size: tuple[int, int]) -> None:
+    for capture in captures:
+        size = capture.points.projector_size if isinstance(capture, BoardCapture) else None
+        if size is not None and size != tuple(projector_size):
+            raise CaptureError(
+                capture.name,
+                f"decoded by a pattern for a projector of {size[0]} x {size[1]}, "
+                f"expected {projector_size[0]} x {projector_size[1]}",
+            )
 
 
 def _named(left_out: list[LeftOut]) -> list[dict[str, str]]:

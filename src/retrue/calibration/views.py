@@ -15,6 +15,7 @@ from retrue.calibration.projector_corners import fit_projector_corners
 from retrue.correspondences import Correspondences
 from retrue.errors import InputError
 from retrue.geometry.arrays import FloatArray, Image, IntArray
+from retrue.rasters import check_alike
 from retrue.shown import ShortRepr, Shown, counted
 from retrue.values import ByValue
 
@@ -139,15 +140,8 @@ def _turned_round(left_px: FloatArray, right_px: FloatArray) -> bool:
 
 
 def _require_one_size(captures: Sequence[Capture]) -> None:
-    first: dict[str, tuple[str, tuple[int, int]]] = {}
-    for capture in captures:
-        stereo = isinstance(capture, StereoCapture)
-        pictures = {"left": capture.left, "right": capture.right} if stereo else {"white": capture.white}
-        for side, picture in pictures.items():
-            name, size = first.setdefault(side, (capture.name, picture_size(picture)))
-            if picture_size(picture) != size:
-                width, height = picture_size(picture)
-                raise InputError(
-                    f"{capture.name}: expected pictures of {size[0]} x {size[1]} as in {name}, "
-                    f"found {width} x {height}; one calibration, one picture size"
-                )
+    stereo = [capture for capture in captures if isinstance(capture, StereoCapture)]
+    check_alike([(capture.name, picture_size(capture.left)) for capture in stereo])
+    check_alike([(capture.name, picture_size(capture.right)) for capture in stereo])
+    single = [capture for capture in captures if isinstance(capture, BoardCapture)]
+    check_alike([(capture.name, picture_size(capture.white)) for capture in single])

@@ -65,18 +65,22 @@ class Calibrate(ReportingCommand):
         from retrue.calibration.result import Calibrated
         from retrue.cli.json_output import plain
         from retrue.errors import InputError
-        from retrue.files.board_captures import capture_size, read_board_captures
+        from retrue.files.board_captures import read_board_captures
+        from retrue.files.captures import pictures_size
         from retrue.files.patterns import read_pattern
         from retrue.files.rigs import read_device, write_rig
+        from retrue.rasters import check_alike
 
         require_writable(self.out, self.report)
         if not self.captures:
             raise InputError("expected at least one CAPTURE folder, found none")
         board = parse_board(self.board)
         pattern = read_pattern(self.pattern)
+        sizes = [(str(path), size) for path in self.captures if (size := pictures_size(path)) is not None]
+        check_alike(sizes)
         camera = projector = None
         if self.camera is not None:
-            camera = read_device(self.camera, "camera", size=capture_size(self.captures[0]))
+            camera = read_device(self.camera, "camera", size=sizes[0][1] if sizes else None)
         if self.projector is not None:
             projector = read_device(self.projector, "projector", size=pattern.projector_size)
         start = time.perf_counter()

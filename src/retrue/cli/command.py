@@ -18,6 +18,7 @@ if TYPE_CHECKING:
     from retrue.capture import Capture
     from retrue.patterns.pattern import Pattern
     from retrue.report.page import Page
+    from retrue.rig import Rig
 
 RigPath = Positional[Annotated[Path, arg(metavar="RIG")]]
 CapturePath = Positional[Annotated[Path, arg(metavar="CAPTURE")]]
@@ -86,9 +87,22 @@ class ReportingCommand(Command):
 
     report: Annotated[Path | None, arg(metavar="PAGE.html")] = None
 
-    def read(self, captures: Sequence[Path], pattern: Path | None) -> list[Capture]:
-        """The captures, with their photographs where a page will show them."""
-        return read_captures(captures, shown_pattern(pattern), keep_photographs=self.report is not None)
+    def read(self, rig: Rig, captures: Sequence[Path], pattern: Path | None) -> list[Capture]:
+        """The captures, with their photographs where a page will show them; all sizes are compared before any work."""
+        from retrue.files.captures import pictures_size
+        from retrue.rasters import check_extent, check_pattern, check_pictures, check_rasters
+
+        shown = shown_pattern(pattern)
+        if shown is not None and pattern is not None:
+            sizes = [(path, size) for path in captures if (size := pictures_size(path)) is not None]
+            check_pattern(rig, shown.projector_size, pattern)
+            for path, size in sizes:
+                check_pictures(rig, size, path)
+        read = read_captures(captures, shown, keep_photographs=self.report is not None)
+        for path, capture in zip(captures, read, strict=True):
+            check_rasters(rig, capture.points, path)
+            check_extent(rig, capture.points, path)
+        return read
 
 
 def log(message: str) -> None:

@@ -66,7 +66,7 @@ class Recalibrate(ReportingCommand):
             raise InputError("expected one of --out NEW.json and --in-place")
         require_writable(self.rig if self.in_place else self.out, self.report)
         rig = read_rig(self.rig)
-        captures = self.read(self.captures, self.pattern)
+        captures = self.read(rig, self.captures, self.pattern)
         start = time.perf_counter()
         result = recalibrate(rig, [capture.points for capture in captures], self.limits)
         seconds = time.perf_counter() - start

@@ -70,7 +70,7 @@ class Reconstruct(ReportingCommand):
 
         require_writable(self.out, self.mesh, self.cad, self.report)
         rig = read_rig(self.rig)
-        (capture,) = self.read([self.capture], self.pattern)
+        (capture,) = self.read(rig, [self.capture], self.pattern)
         self._require_formats(rig.unit)
         start = time.perf_counter()
         cloud = self._finished(reconstruct(rig, capture.points, self.limits))

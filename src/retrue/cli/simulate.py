@@ -64,7 +64,13 @@ class Simulate(Command):
         seconds = time.perf_counter() - start
         capture = made_folder(folder / "capture") if isinstance(pattern, GrayCode) else folder / "capture.png"
         _write(simulated, rig, capture if capture.is_dir() else folder, folder / "truth.npz")
-        write_points(folder / "points.csv", Correspondences(simulated.truth.camera_px, simulated.truth.projector_px))
+        truth = Correspondences(
+            simulated.truth.camera_px,
+            simulated.truth.projector_px,
+            camera_size=rig.camera.size,
+            projector_size=rig.projector.size,
+        )
+        write_points(folder / "points.csv", truth)
         write_rig(folder / "rig.json", rig)
         write_pattern(folder / "pattern.json", pattern)
         report: dict[str, Any] = {

@@ -42,7 +42,7 @@ class Verify(ReportingCommand):
 
         require_writable(self.report)
         rig = read_rig(self.rig)
-        captures = self.read(self.captures, self.pattern)
+        captures = self.read(rig, self.captures, self.pattern)
         start = time.perf_counter()
         verification = verify(rig, [capture.points for capture in captures])
         report = verification_report(verification, time.perf_counter() - start)

@@ -108,7 +108,9 @@ class Watch(Command):
 
     def _watch(self, state: WatchState, listeners: Sequence[Listener]) -> Watcher:
         from retrue.files.patterns import read_pattern
+        from retrue.files.rigs import read_rig
         from retrue.patterns.gray_code import GrayCode
+        from retrue.rasters import check_pattern
         from retrue.watch.events import EventLog
         from retrue.watch.stages import real_stages
         from retrue.watch.watch import Watch as Watcher
@@ -118,6 +120,8 @@ class Watch(Command):
             raise FileError(
                 str(self.pattern), "a watch reads single pictures: expected a colour grid, found a Gray code"
             )
+        if pattern is not None and self.pattern is not None:
+            check_pattern(read_rig(self.rig), pattern.projector_size, self.pattern)
         stages = real_stages(pattern, made_folder(self.out / "clouds") if self.clouds else None)
         events = EventLog(self.out / "events.jsonl", listeners)
         return Watcher(self.rig, stages, events, state, self.out / "state.json", self.limits)

@@ -10,8 +10,7 @@ from retrue.calibration.board import Board
 from retrue.calibration.board_capture import see_board
 from retrue.calibration.views import BoardCapture, Progress
 from retrue.errors import CaptureError, require_kind, require_kinds, require_path
-from retrue.files.image_header import read_image_header
-from retrue.files.images import picture_paths, read_folder
+from retrue.files.images import read_folder
 from retrue.patterns.color_grid import ColorGrid
 from retrue.patterns.gray_code import GrayCode
 from retrue.patterns.pattern import Pattern
@@ -48,8 +47,3 @@ def read_board_capture(path: str | Path, pattern: Pattern, board: Board) -> Boar
         return see_board(str(path), pattern, images, [entry.name for entry in paths], board)
     except CaptureError as error:
         raise CaptureError(path, error.problem) from error
-
-
-def capture_size(path: str | Path) -> tuple[int, int]:
-    """Width and height of a capture's pictures, from the header of the first. Raises as `read_board_capture` does."""
-    return read_image_header(picture_paths(Path(path))[0]).size

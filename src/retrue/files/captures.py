@@ -7,7 +7,8 @@ from pathlib import Path
 from retrue.capture import Capture
 from retrue.correspondences import Correspondences
 from retrue.errors import CaptureError, FileError, require_kind, require_path
-from retrue.files.images import read_folder, read_image
+from retrue.files.image_header import read_image_header
+from retrue.files.images import SUFFIXES, picture_paths, read_folder, read_image
 from retrue.geometry.arrays import Image
 from retrue.patterns.color_grid import ColorGrid
 from retrue.patterns.gray_code import GrayCode
@@ -49,6 +50,19 @@ def load_capture(path: str | Path, pattern: Pattern | None = None, *, keep_photo
         points, photograph = _read_grid(path, pattern)
     height, width = photograph.shape[:2]
     return Capture(path.name, points, photograph if keep_photograph else None, (width, height), path)
+
+
+def pictures_size(path: Path) -> tuple[int, int] | None:
+    """(width, height) of most pictures of a capture, from their headers; None of what is no picture and no folder.
+
+    Raises `FileError` for pictures that cannot be read.
+    """
+    if path.is_dir():
+        sizes = [read_image_header(picture).size for picture in picture_paths(path)]
+        return max(set(sizes), key=sizes.count)
+    if path.suffix.lower() not in SUFFIXES or not path.exists():
+        return None
+    return read_image_header(path).size
 
 
 def _read_sequence(path: Path, pattern: Pattern | None) -> tuple[Correspondences, Image]:

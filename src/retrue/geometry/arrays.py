@@ -16,6 +16,9 @@ Image = NDArray[Any]
 """(height, width) or (height, width, channels), uint8 or uint16; colour in the order red, green, blue."""
 
 
+LARGEST_SIDE = 1_000_000  # of a raster, in pixels
+
+
 def finite_array(value: ArrayLike, shape: tuple[int | None, ...], name: str) -> FloatArray:
     """`value` as a float64 array of that shape (None: any length), or an `InputError` that names it.
 
@@ -43,6 +46,18 @@ def frozen_array(value: ArrayLike, dtype: type[np.generic] = np.float64) -> NDAr
     copy = np.array(array, dtype=dtype)
     copy.setflags(write=False)
     return copy
+
+
+def whole_size(value: ArrayLike, name: str) -> tuple[int, int]:
+    """`value` as (width, height) of a raster, or an `InputError` that names it.
+
+    >>> whole_size([1280.0, 960.0], "size")
+    (1280, 960)
+    """
+    size = finite_array(value, (2,), name)
+    if not ((size >= 1).all() and (size == np.round(size)).all() and (size <= LARGEST_SIDE).all()):
+        raise InputError(f"{name}: expected width and height in whole pixels, found {value}")
+    return int(size[0]), int(size[1])
 
 
 def _shape(shape: tuple[int | None, ...]) -> str:

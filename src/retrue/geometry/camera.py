@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from retrue.errors import InputError
-from retrue.geometry.arrays import BoolArray, FloatArray, finite_array, frozen_array
+from retrue.geometry.arrays import BoolArray, FloatArray, finite_array, frozen_array, whole_size
 from retrue.shown import ShortRepr, Shown, vector
 from retrue.values import ByValue
 
@@ -42,9 +42,7 @@ class Camera(ByValue, ShortRepr):
     distortion: FloatArray = field(default_factory=lambda: np.zeros(5))
 
     def __post_init__(self) -> None:
-        size = finite_array(self.size, (2,), "size")
-        if not ((size >= 1).all() and (size == np.round(size)).all() and (size <= 1_000_000).all()):
-            raise InputError(f"size: expected width and height in whole pixels, found {self.size}")
+        size = whole_size(self.size, "size")
         K = finite_array(self.K, (3, 3), "K")
         if not (K[0, 0] > 0 and K[1, 1] > 0):
             raise InputError(f"K: expected positive focal lengths, found {K[0, 0]:g} and {K[1, 1]:g}")
@@ -55,7 +53,7 @@ class Camera(ByValue, ShortRepr):
             raise InputError(f"distortion: expected {DISTORTION_LENGTHS} coefficients, found {len(distortion)}")
         if len(distortion) < 5:
             distortion = np.pad(distortion, (0, 5 - len(distortion)))
-        object.__setattr__(self, "size", (int(size[0]), int(size[1])))
+        object.__setattr__(self, "size", size)
         object.__setattr__(self, "K", frozen_array(K))
         object.__setattr__(self, "distortion", frozen_array(distortion))
 

@@ -10,6 +10,7 @@ import numpy as np
 from retrue.correspondences import Correspondences, require_captures
 from retrue.errors import DegenerateError, require_kind
 from retrue.geometry.transform import RigidTransform
+from retrue.rasters import check_captures
 from retrue.recalibration.candidates import Estimate, estimate_pose
 from retrue.recalibration.fit import PoseFit, Support, refine
 from retrue.recalibration.judge import Choice, choose_twin, objection, supporting_rays
@@ -51,12 +52,14 @@ def recalibrate(
 
     Raises
     ------
+    CaptureError : captures of other rasters than the rig's: `check_rasters`.
     InputError : no captures, or a known distance that the captures cannot give.
 
     Source: Zhang, Li, Wu 2007, section 3.
     """
     require_rig(rig)
     require_captures(captures)
+    check_captures(rig, captures)
     options = options or RecalibrateOptions()
     require_kind(options, RecalibrateOptions, "options")
     total = sum(len(capture) for capture in captures)

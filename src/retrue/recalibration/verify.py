@@ -19,6 +19,7 @@ from retrue.geometry.arrays import FloatArray, finite_array
 from retrue.geometry.transform import RigidTransform, direction_angle, vector_from_rotation
 from retrue.geometry.two_view import POSE_PARAMETERS, TwoViewPose, epipolar_residuals, tangent_basis
 from retrue.ranges import check_ranges, ranged
+from retrue.rasters import check_captures
 from retrue.recalibration.candidates import Estimate, estimate_pose
 from retrue.recalibration.fit import PoseFit, Support, refine
 from retrue.recalibration.judge import Choice, choose_twin, imprecision, inconsistency, supporting_rays
@@ -72,10 +73,11 @@ def verify(rig: Rig, captures: Sequence[Correspondences], options: VerifyOptions
     ----------
     rig, captures : as in `recalibrate`.
 
-    Raises InputError where there are no captures.
+    Raises InputError where there are no captures, CaptureError where their rasters are not the rig's.
     """
     require_rig(rig)
     require_captures(captures)
+    check_captures(rig, captures)
     options = options or VerifyOptions()
     require_kind(options, VerifyOptions, "options")
     total = sum(len(capture) for capture in captures)

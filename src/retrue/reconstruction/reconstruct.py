@@ -14,6 +14,7 @@ from retrue.geometry.arrays import BoolArray, FloatArray, IntArray
 from retrue.geometry.camera import Camera
 from retrue.geometry.robust import MAD_TO_SIGMA
 from retrue.geometry.triangulation import sampson_distances, triangulate
+from retrue.rasters import check_rasters
 from retrue.reconstruction.cloud import Cloud
 from retrue.reconstruction.options import ReconstructOptions
 from retrue.reconstruction.pieces import find_strays
@@ -33,6 +34,7 @@ def reconstruct(rig: Rig, points: Correspondences, options: ReconstructOptions |
 
     Raises
     ------
+    CaptureError : points of other rasters than the rig's: `check_rasters`.
     DegenerateError : the rig's devices coincide (t = 0), or no point remains.
 
     >>> from retrue import Camera, RigidTransform
@@ -44,6 +46,7 @@ def reconstruct(rig: Rig, points: Correspondences, options: ReconstructOptions |
     """
     require_rig(rig)
     require_points(points)
+    check_rasters(rig, points)
     options = options or ReconstructOptions()
     require_kind(options, ReconstructOptions, "options")
     if not np.linalg.norm(rig.projector_from_camera.t) > 0:

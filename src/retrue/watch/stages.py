@@ -33,6 +33,7 @@ def real_stages(pattern: Pattern | None, clouds: Path | None) -> Stages:
     """The jobs of the package; `clouds` is the folder for a cloud per frame."""
     from retrue.decoding.decode import decode
     from retrue.files.ply import write_cloud
+    from retrue.rasters import check_extent
     from retrue.recalibration.recalibrate import recalibrate
     from retrue.recalibration.verify import verify
     from retrue.reconstruction.reconstruct import reconstruct
@@ -44,10 +45,15 @@ def real_stages(pattern: Pattern | None, clouds: Path | None) -> Stages:
             raise InputError("a picture needs the pattern that it shows: give --pattern P.json")
         return decode(pattern, frame.content, names=[frame.name])
 
+    def verified(rig: Rig, captures: Sequence[Correspondences]) -> Verification:
+        for points in captures:
+            check_extent(rig, points)
+        return verify(rig, captures)
+
     def cloud_written(rig: Rig, points: Correspondences, name: str) -> Path:
         assert clouds is not None
         path = clouds / f"{name}.ply"
         write_cloud(path, reconstruct(rig, points))
         return path
 
-    return Stages(decoded, verify, recalibrate, None if clouds is None else cloud_written)
+    return Stages(decoded, verified, recalibrate, None if clouds is None else cloud_written)

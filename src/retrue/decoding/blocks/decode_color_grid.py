@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import cast
 
 import cv2
@@ -10,6 +11,7 @@ import numpy as np
 from retrue.correspondences import Card, Correspondences
 from retrue.decoding.blocks.look import look
 from retrue.decoding.blocks.sight import GridSight, advise
+from retrue.decoding.light import around, saturated
 from retrue.errors import InputError
 from retrue.geometry.arrays import FloatArray, Image
 from retrue.patterns.color_grid import ColorGrid
@@ -43,7 +45,8 @@ def decode_color_grid(
     InputError
         where `image` is no picture at all, or the other two are not of its size.
     """
-    return correspondences_of(inspect_color_grid(pattern, image, black, white))
+    points = correspondences_of(inspect_color_grid(pattern, image, black, white))
+    return _with_light(points, image, black, white)
 
 
 def inspect_color_grid(
@@ -69,7 +72,7 @@ def inspect_color_grid(
 
 
 def correspondences_of(sight: GridSight) -> Correspondences:
-    """The points of a sight, and its card."""
+    """The points of a sight, its card, and the light of the blocks as the picture that was looked at has it."""
     cells = np.argwhere(np.isfinite(sight.centre_px).all(axis=-1))
     row, column = cells[:, 0], cells[:, 1]
     pattern = sight.pattern
@@ -92,7 +95,31 @@ def correspondences_of(sight: GridSight) -> Correspondences:
         colors=sight.color[row, column],
         cells=cells,
         card=card,
+        light=sight.light[row, column].sum(axis=-1),
+        light_class=np.asarray(pattern.code)[row, column],
+        camera_size=(w, h),
+        projector_size=pattern.projector_size,
     )
+
+
+def _with_light(points: Correspondences, image: Image, black: Image | None, white: Image | None) -> Correspondences:
+    """`points` with the light that the projector adds, in its own unit, and NaN where a picture is saturated.
+
+    A picture in white light divides out of the blocks what it shows itself: how bright each place is. So that is read
+    from the white picture, less the black one; all blocks are of one class then. Without the black one it also holds
+    the room's light.
+    """
+    shown = image if white is None else white
+    seen = around(_rgb(shown, "image"), points.camera_px)
+    light, light_class = points.light, points.light_class
+    if white is not None:
+        light = light_class = None
+        if black is not None:
+            dark = around(_rgb(black, "black"), points.camera_px)
+            light = (seen.astype(np.float64) - dark).mean(axis=(1, 2))
+    if light is not None:
+        light = np.where(saturated(seen.reshape(-1, 3)).reshape(-1, 9).any(axis=1), np.nan, light)
+    return replace(points, light=light, light_class=light_class)
 
 
 def _decoded(sight: GridSight) -> int:

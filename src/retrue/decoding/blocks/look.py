@@ -71,6 +71,7 @@ def look(pattern: ColorGrid, picture: Image, halvings: int) -> GridSight:
         sigma_px=np.hypot(noise_of(surfaces.position, surfaces.joints), surfaces.doubt),
         confidence=np.where(np.isfinite(surfaces.misfit), 1 - 0.5 * surfaces.misfit / MISFIT, by_color),
         color=np.clip(np.nan_to_num(surfaces.light), 0, 255).astype(np.uint8),
+        light=surfaces.light,
     )
 
 

@@ -57,6 +57,7 @@ class GridSight:
     label : (N,) colour index of each blob.
     verdict : (N,) a `Verdict` each.
     holder : (rows, columns) blob that holds the block, or -1.
+    light : (rows, columns, 3) what each block adds to its surroundings, in grey levels of eight bits.
     centre_px, sigma_px, confidence, color : of every block that was decoded, in pixels of `picture`.
     """
 
@@ -73,6 +74,7 @@ class GridSight:
     sigma_px: FloatArray
     confidence: FloatArray
     color: NDArray[np.uint8]
+    light: FloatArray
 
     def rejected(self) -> dict[str, int]:
         """How many blobs were rejected, by reason."""

@@ -13,6 +13,7 @@ from retrue.decoding.gray.faults import CAPTURE, require_inside
 from retrue.decoding.gray.plan import MAX_CELL, plan_reading
 from retrue.decoding.gray.reading import Band, read_band
 from retrue.decoding.gray.sequence import GraySequence, arrange
+from retrue.decoding.light import saturated
 from retrue.errors import CaptureError
 from retrue.geometry.arrays import Image
 from retrue.patterns.gray_code import GrayCode
@@ -79,6 +80,7 @@ def _assemble(
     total = int(ends[-1])
     camera_px, projector_px, sigma_px = np.empty((total, 2)), np.empty((total, 2)), np.empty(total)
     cells, colors = np.empty((total, 2), np.int64), np.empty((total, 3), np.uint8)
+    light = np.empty(total)
 
     def fill(band: Band, end: int) -> None:
         part = slice(end - len(band.rows), end)
@@ -90,15 +92,29 @@ def _assemble(
         projector_px[part] -= 0.5
         np.sqrt(band.variance + np.float64(SYSTEMATIC_SIGMA**2), out=sigma_px[part])
         sigma_px[part] *= pattern.step
+        white, black = sequence.white[band.rows, band.columns], sequence.black[band.rows, band.columns]
+        np.subtract(white, black, out=light[part], dtype=np.float64)
         seen = sequence.color[band.rows, band.columns]
+        light[part][saturated(seen)] = np.nan
         seen = seen >> 8 if seen.dtype == np.uint16 else seen
         colors[part] = seen[:, None] if seen.ndim == 1 else seen
 
     list(threads.map(fill, bands, ends.tolist()))
-    for array in (camera_px, projector_px, sigma_px):
+    for array in (camera_px, projector_px, sigma_px, light):
         array.setflags(write=False)
     card = _card(sequence, total, [band.counts for band in bands])
-    return Correspondences(camera_px, projector_px, projector_sigma_px=sigma_px, colors=colors, cells=cells, card=card)
+    height, width = sequence.white.shape
+    return Correspondences(
+        camera_px,
+        projector_px,
+        projector_sigma_px=sigma_px,
+        colors=colors,
+        cells=cells,
+        card=card,
+        light=light,
+        camera_size=(width, height),
+        projector_size=pattern.projector_size,
+    )
 
 
 def _card(sequence: GraySequence, points: int, counts: Sequence[Mapping[str, int]]) -> Card:

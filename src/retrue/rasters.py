@@ -1,0 +1,125 @@
+"""Do picture, pattern and rig belong together? Their sizes tell, before any work."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+
+from retrue.correspondences import Correspondences
+from retrue.errors import CaptureError
+from retrue.rig import Rig
+
+Size = tuple[int, int]
+"""(width, height)."""
+
+MOST_BINNED = 8
+MOST_OUTSIDE = 0.01
+"""Share of the points that may lie outside the rig's picture where nobody said of which one they are."""
+
+
+def check_captures(rig: Rig, captures: Sequence[Correspondences]) -> None:
+    """`check_rasters` of each, by its place in the list."""
+    for index, points in enumerate(captures):
+        check_rasters(rig, points, f"captures[{index}]")
+
+
+def check_rasters(rig: Rig, points: Correspondences, name: str | Path = "points") -> None:
+    """Are these points of the rasters that the rig is calibrated for? Nothing is asked of points that do not say.
+
+    Parameters
+    ----------
+    name : of the capture, for the message; its file where it has one.
+
+    Raises
+    ------
+    CaptureError
+        of other rasters; says both sizes, and what the difference looks like.
+
+    >>> from retrue import Camera, RigidTransform
+    >>> camera = Camera((640, 480), [[500, 0, 320], [0, 500, 240], [0, 0, 1]])
+    >>> rig = Rig(camera, camera, RigidTransform(np.eye(3), [-100.0, 0, 0]))
+    >>> try:
+    ...     check_rasters(rig, Correspondences([[9, 9]], [[9, 9]], camera_size=(320, 240)), "wall.csv")
+    ... except CaptureError as error:
+    ...     print(str(error).partition(";")[0])
+    wall.csv: the pictures are 320 x 240, those of the rig's camera 640 x 480: binned by 2
+    """
+    if points.camera_size is not None:
+        check_pictures(rig, points.camera_size, name)
+    if points.projector_size is not None:
+        check_pattern(rig, points.projector_size, name)
+
+
+def check_extent(rig: Rig, points: Correspondences, name: str | Path = "points") -> None:
+    """A `CaptureError` where points that do not say their camera's raster lie outside the rig's, more than 1 % of them.
+
+    For what comes from a file. The picture reaches half a pixel beyond the centres of its pixels.
+    """
+    if points.camera_size is not None or not len(points):
+        return
+    size = np.array(rig.camera.size)
+    beyond = np.abs(points.camera_px - (size - 1) / 2) > size / 2
+    outside = float(np.mean(beyond[:, 0] | beyond[:, 1]))
+    if not outside <= MOST_OUTSIDE:
+        raise CaptureError(
+            name,
+            f"{100 * outside:.0f} % of the points lie outside the rig's picture, {_text(rig.camera.size)}: "
+            "of a picture of another size; take it as for the calibration, or calibrate again",
+        )
+
+
+def check_pictures(rig: Rig, size: Size, name: str | Path) -> None:
+    """A `CaptureError` where pictures of that size are not what the rig's camera took."""
+    if size != rig.camera.size:
+        raise CaptureError(
+            name,
+            f"the pictures are {_text(size)}, those of the rig's camera {_text(rig.camera.size)}: "
+            f"{looks_like(size, rig.camera.size)}; take them as for the calibration, or calibrate again",
+        )
+
+
+def check_pattern(rig: Rig, size: Size, name: str | Path) -> None:
+    """A `CaptureError` where a pattern for a projector of that size is not for the rig's."""
+    if size != rig.projector.size:
+        raise CaptureError(
+            name,
+            f"the pattern is for a projector of {_text(size)}, the rig's is {_text(rig.projector.size)}: "
+            "pattern for another projector; show one of the rig's size, pixel for pixel",
+        )
+
+
+def check_alike(captures: Sequence[tuple[str, Size]]) -> None:
+    """A `CaptureError` where captures, by name and size, are not all of the first one's size."""
+    for name, size in captures:
+        first, usual = captures[0]
+        if size != usual:
+            raise CaptureError(
+                name,
+                f"expected pictures of {_text(usual)} as in {first}, found {_text(size)}: "
+                f"{looks_like(size, usual)}; one calibration, one picture size",
+            )
+
+
+def looks_like(size: Size, expected: Size) -> str:
+    """What became of pictures that are of `size`, and were `expected`.
+
+    >>> looks_like((640, 480), (1280, 960)), looks_like((960, 1280), (1280, 960)), looks_like((1600, 1200), (1280, 960))
+    ('binned by 2', 'turned by a quarter', 'of another size')
+    """
+    (width, height), (full_width, full_height) = size, expected
+    for factor in range(2, MOST_BINNED + 1):
+        if size == (full_width // factor, full_height // factor):
+            return f"binned by {factor}"
+        if expected == (width // factor, height // factor):
+            return f"no longer binned by {factor}"
+    if size == (full_height, full_width):
+        return "turned by a quarter"
+    if width <= full_width and height <= full_height:
+        return "cropped, so that the principal point moved"
+    return "of another size"
+
+
+def _text(size: Size) -> str:
+    return f"{size[0]} x {size[1]}"
