@@ -29,7 +29,14 @@ from retrue.calibration.setup import INTRINSICS, Columns
 from retrue.calibration.views import BoardCapture, StereoCapture, projected_view, see_views
 from retrue.correspondences import Correspondences
 from retrue.geometry.camera import Camera
-from retrue.geometry.transform import RigidTransform, rotation_angle, rotation_from_vector, skew
+from retrue.geometry.transform import (
+    RigidTransform,
+    rotation_angle,
+    rotation_from_vector,
+    skew,
+    vector_from_rotation,
+)
+from retrue.geometry.two_view import tangent_basis
 from retrue.rig import Rig
 
 LENSES = {
@@ -162,15 +169,18 @@ def two_cameras(folder: Path) -> dict[str, tuple[float, float]]:
 @dataclass(frozen=True)
 class Noise:
     """Standard deviations: of a corner in the camera and of a dense point in the projector, in pixels; of the
-    projector's picture between two captures, in pixels; of the board's sag, the same in all poses, in mm."""
+    projector's picture between two captures, in pixels; of the board's sag, the same in all poses, in mm; of an error
+    that neighbouring dense points share, in pixels."""
 
     corner: float = 0.1
     dense: float = 0.15
     drift: float = 0.0
     sag: float = 0.0
+    shared: float = 0.0
 
 
 AS_IN_LIFE = Noise(drift=0.02, sag=0.5)
+DECODER = Noise(drift=0.02, sag=0.5, shared=0.05)
 
 
 def true_rig(rng: np.random.Generator) -> Rig:
@@ -200,9 +210,27 @@ def true_rig(rng: np.random.Generator) -> Rig:
     return Rig(camera, projector, RigidTransform(R, -R @ centre))
 
 
+def with_every_term(rig: Rig, rng: np.random.Generator) -> Rig:
+    """The rig with lenses as they are made: each coefficient has some size, be it too small to be seen."""
+    sizes = np.array([0, 0.1, 5e-4, 5e-4, 0.05])
+    devices = [
+        Camera(device.size, device.K, device.distortion[:5] + rng.normal(size=5) * sizes)
+        for device in (rig.camera, rig.projector)
+    ]
+    return Rig(*devices, rig.projector_from_camera)
+
+
 def bend_of(board: Board, noise: Noise, rng: np.random.Generator) -> np.ndarray:
     """A random bend of the board, whose sag over half its length has the wanted standard deviation."""
     return rng.normal(scale=noise.sag, size=3) / (board.points.max() / 2) ** 2
+
+
+def shared_error(camera_px: np.ndarray, rng: np.random.Generator, length: float = 60.0) -> np.ndarray:
+    """(N, 2) a random field of unit variance; points d pixels apart correlate by exp(-d^2 / (2 length^2))."""
+    waves = rng.normal(scale=1 / length, size=(2, 2, 50))  # of each coordinate
+    phases = rng.uniform(0, 2 * np.pi, (2, 50))
+    fields = [np.cos(camera_px @ wave + phase).sum(axis=1) for wave, phase in zip(waves, phases, strict=True)]
+    return np.stack(fields, axis=-1) / 5
 
 
 def simulated_view(
@@ -251,6 +279,8 @@ def simulated_view(
     keep = white & thin & np.isfinite(projector_px).all(axis=1) & rig.projector.contains(projector_px)
     projector_px = projector_px[keep] + rng.normal(scale=noise.dense, size=(int(keep.sum()), 2))
     projector_px += rng.normal(scale=noise.drift, size=2)
+    if noise.shared:
+        projector_px += noise.shared * shared_error(camera_px[keep], rng)
     found = BoardCorners(board.points, corners + rng.normal(scale=noise.corner, size=corners.shape), True)
     return projected_view(name, found, Correspondences(camera_px[keep], projector_px), board)
 
@@ -302,10 +332,58 @@ def simulated(
     return {"within": within / total, "errors": errors}
 
 
+def covariances(
+    trials: int, counts: tuple[int, ...] = (5, 8), seed: int = 11, noise: Noise = AS_IN_LIFE, every_term: bool = True
+) -> tuple[float, float]:
+    """Mean normalised error squared of the eight numbers of `lens_covariance` and the five of `covariance`."""
+    board, sizes = parse_board("chessboard:7x9:40mm"), ((1280, 1024), (1024, 768))
+    squares: list[tuple[float, float]] = []
+    for trial in range(trials):
+        rng = np.random.default_rng([seed, trial])
+        truth = true_rig(rng)
+        truth = with_every_term(truth, rng) if every_term else truth
+        bend = bend_of(board, noise, rng)
+        count = counts[trial % len(counts)]
+        views = [simulated_view(truth, board, noise, rng, f"pose {i}", bend=bend) for i in range(count)]
+        ours = calibrate_views(views, board, sizes, CalibrationOptions(largest_error=1))
+        assert isinstance(ours, Calibrated), ours.reason
+        squares.append(
+            tuple(
+                float(error @ np.linalg.solve(np.array(ours.evidence[key]), error))
+                for key, error in (
+                    ("lens_covariance", lens_parameters(ours.rig) - lens_parameters(truth)),
+                    ("covariance", pose_error(ours.rig.projector_from_camera, truth.projector_from_camera)),
+                )
+            )
+        )
+    lens, pose = np.mean(squares, axis=0)
+    deviation = np.std(squares, axis=0) / np.sqrt(trials)
+    print(
+        f"{trials} rigs, {noise}, lenses with {'every term' if every_term else 'k1 k2 and k1 only'}: "
+        f"normalised error squared of 8 lens parameters {lens:.2f} +- {deviation[0]:.2f}, "
+        f"of 5 of the pose {pose:.2f} +- {deviation[1]:.2f}"
+    )
+    return float(lens), float(pose)
+
+
+def lens_parameters(rig: Rig) -> np.ndarray:
+    """(8,) log sqrt(fx fy), cx, cy, k1 of the camera and the projector."""
+    return np.concatenate(
+        [
+            [0.5 * np.log(device.K[0, 0] * device.K[1, 1]), *device.K[:2, 2], device.distortion[0]]
+            for device in (rig.camera, rig.projector)
+        ]
+    )
+
+
+def pose_error(pose: RigidTransform, truth: RigidTransform) -> np.ndarray:
+    """(5,) rotation vector and direction of t from the truth to `pose`."""
+    direction, true = (t / np.linalg.norm(t) for t in (pose.t, truth.t))
+    return np.concatenate([vector_from_rotation(pose.R @ truth.R.T), tangent_basis(direction).T @ -true])
+
+
 def pose_z(ours: Calibrated, truth: Rig) -> list[float]:
     """The pose's six errors in sigmas."""
-    from retrue.geometry.transform import vector_from_rotation
-
     mine, true = ours.rig.projector_from_camera, truth.projector_from_camera
     turn = np.degrees(vector_from_rotation(mine.R @ true.R.T))
     sigma = ours.evidence["sigma"]["projector_from_camera"]
@@ -391,6 +469,9 @@ def main() -> None:
         print(f"no real captures at {arguments.data}")
     for noise in (Noise(), AS_IN_LIFE):
         simulated(arguments.trials, noise=noise)
+    for noise in (AS_IN_LIFE, DECODER):
+        covariances(arguments.trials, noise=noise)
+    covariances(arguments.trials, every_term=False)
 
 
 if __name__ == "__main__":

@@ -46,7 +46,7 @@ class Adjusted:
     scales : of each group (2,), the noise of both coordinates in units of the observations' own sigma.
     errors : of each group, predicted minus measured pixels (N, 2), as `linearise` gives them.
     weights : of each group (N, 2), robust weights; 1 for what fits.
-    covariance : (free, free) of the free shared parameters.
+    covariance : (shared, shared) of the shared parameters, the views' own free too; zero for those held.
     normal : (shared, shared) normal matrix of all shared parameters, the views' own eliminated.
     gradient : (shared,) of half the cost, by all shared parameters; zero for the free ones.
     """
@@ -100,7 +100,7 @@ def adjust(
         scales,
         tuple(equations.errors),
         tuple(equations.weights),
-        equations.covariance(),
+        equations.shared_covariance(),
         *equations.reduced(np.ones_like(active)),
     )
 
@@ -192,6 +192,29 @@ class NormalEquations:
         )
         return matrix, vector
 
+    def eliminated(self, matrices: FloatArray) -> FloatArray:
+        """Covariance of `reduced`'s gradient, from that of every view's (views, columns, columns).
+
+        Of `total` it is the normal matrix itself.
+        """
+        absorbed = self.total[:, :-OF_VIEW, -OF_VIEW:] @ _inverse(self.total[:, -OF_VIEW:, -OF_VIEW:])
+        shared = np.broadcast_to(np.eye(absorbed.shape[1]), (len(absorbed), *[absorbed.shape[1]] * 2))
+        left = np.concatenate([shared, -absorbed], axis=2)
+        return np.asarray((left @ matrices @ left.transpose(0, 2, 1)).sum(axis=0), dtype=np.float64)
+
+    def root(self) -> FloatArray:
+        """(active + views' own, the same) L with L L' the covariance of all free unknowns, shared ones first."""
+        columns, views = np.flatnonzero(self.active), len(self.total)
+        free = len(columns)
+        matrix = np.zeros((free + views * OF_VIEW, free + views * OF_VIEW))
+        for view, total in enumerate(self.total):
+            places = [*range(free), *range(free + view * OF_VIEW, free + (view + 1) * OF_VIEW)]
+            own = [*columns.tolist(), *range(len(self.active), len(total))]
+            matrix[np.ix_(places, places)] += total[np.ix_(own, own)]
+        size = np.sqrt(np.maximum(np.diag(matrix), 1e-300))
+        values, vectors = np.linalg.eigh(matrix / np.outer(size, size))
+        return vectors / np.sqrt(np.maximum(values, 1e-14)) / size[:, None]
+
     def step(self, damping: float) -> tuple[FloatArray, FloatArray]:
         """The change of all shared columns, and of each view's own (views, OF_VIEW)."""
         change = np.zeros(len(self.active))
@@ -208,6 +231,12 @@ class NormalEquations:
             return np.zeros((0, 0))
         matrix, _ = self.reduced(self.active)
         return _solve(matrix, np.eye(len(matrix)))
+
+    def shared_covariance(self) -> FloatArray:
+        """Of all shared columns, zero where they are not active."""
+        covariance = np.zeros((len(self.active), len(self.active)))
+        covariance[np.ix_(self.active, self.active)] = self.covariance()
+        return covariance
 
     def rescaled(self) -> tuple[FloatArray, ...]:
         """The noise of each group from its residuals, freed of what the unknowns absorbed (its leverage)."""

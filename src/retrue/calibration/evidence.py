@@ -11,7 +11,14 @@ from retrue.calibration.bundle import Adjusted
 from retrue.calibration.jacobians import residuals
 from retrue.calibration.model_terms import Choice
 from retrue.calibration.observations import View, corner_group
-from retrue.calibration.uncertainty import PredictedError, depth_spread, normal_spread_deg, parameter_sigmas
+from retrue.calibration.uncertainty import (
+    PredictedError,
+    depth_spread,
+    lens_covariance,
+    normal_spread_deg,
+    parameter_sigmas,
+    pose_covariance,
+)
 from retrue.calibration.views import LeftOut
 from retrue.geometry.arrays import FloatArray
 
@@ -51,6 +58,8 @@ def gather_evidence(
         },
         "board": _board(fit, views, choices[-1]),
         "sigma": parameter_sigmas(fit),
+        "lens_covariance": lens_covariance(fit, fixed).tolist(),
+        "covariance": pose_covariance(fit).tolist(),
         "predicted_error": {"rms": error.length, "at_distance": error.distance, "unit": unit},
         "regions_rms_px": {name: _regions(fit, views, device) for device, name in enumerate(DEVICES)},
         "coverage": coverage,

@@ -12,6 +12,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from retrue.calibration.bundle import Adjusted, adjust
+from retrue.calibration.neighbours import gradient_covariance
 from retrue.calibration.observations import CornerObservations, Group
 from retrue.calibration.setup import BEND, Setup
 from retrue.errors import DegenerateError
@@ -122,21 +123,27 @@ def choose_terms(
 
 
 def with_honest_covariance(fit: Adjusted, groups: tuple[Group, ...], fixed: tuple[bool, ...]) -> Adjusted:
-    """The covariance of the free parameters as wide as the terms that were left out, but may be there, make it."""
+    """The covariance of the free parameters and of the terms that were left out, but may be there.
+
+    C G C + s s^T: C the inverse of the normal matrix with what is known of those terms beforehand, G the covariance of
+    the gradient, in which neighbours err alike, and s the step that the fit would take if those terms were free.
+    """
     left_out = [term for term in _terms(fit.setup, groups, fixed) if not term.kept(fit.active)]
-    if not left_out:
-        return fit
     free = np.flatnonzero(fit.active)
     chosen = [*free.tolist(), *(column for term in left_out for column in term.columns)]
     unseen = np.array([size for term in left_out for size in term.unseen])
-    precision = fit.normal[np.ix_(chosen, chosen)].copy()
-    precision[len(free) :, len(free) :] += np.diag(unseen**-2.0)
+    prior = np.diag([*np.zeros(len(free)), *unseen**-2.0])
+    precision = fit.normal[np.ix_(chosen, chosen)] + prior
     root = np.sqrt(np.diag(precision))
     try:
-        covariance = np.linalg.inv(precision / np.outer(root, root)) / np.outer(root, root)
+        inverse = np.linalg.inv(precision / np.outer(root, root)) / np.outer(root, root)
     except np.linalg.LinAlgError as error:
         raise DegenerateError("calibration: the views do not determine the unknowns") from error
-    return replace(fit, covariance=covariance[: len(free), : len(free)])
+    covariance = np.zeros_like(fit.covariance)
+    step = -inverse @ fit.gradient[chosen]
+    scatter = gradient_covariance(fit, groups)[np.ix_(chosen, chosen)] + prior
+    covariance[np.ix_(chosen, chosen)] = inverse @ scatter @ inverse + np.outer(step, step)
+    return replace(fit, covariance=covariance)
 
 
 def _terms(setup: Setup, groups: tuple[Group, ...], fixed: tuple[bool, ...]) -> list[Term]:
@@ -196,9 +203,8 @@ def _pinned(setup: Setup, term: Term) -> Setup:
 
 def _loss(fit: Adjusted, columns: list[int]) -> float:
     """The rise of chi-square without those columns."""
-    place = np.searchsorted(np.flatnonzero(fit.active), columns)
     value = _values(fit.setup, columns)
-    return float(value @ np.linalg.solve(fit.covariance[np.ix_(place, place)], value))
+    return float(value @ np.linalg.solve(fit.covariance[np.ix_(columns, columns)], value))
 
 
 def _gain(fit: Adjusted, columns: list[int]) -> float:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -10,6 +11,15 @@ from retrue.calibration.bundle import Adjusted
 from retrue.calibration.jacobians import triangulated
 from retrue.calibration.setup import INTRINSICS
 from retrue.geometry.arrays import FloatArray
+from retrue.geometry.two_view import tangent_basis
+
+LENS = ("fx", "fy", "cx", "cy", "k1")
+"""The intrinsics behind the four numbers of `lens_covariance`."""
+FLOOR = (1e-5, 1e-2, 1e-2, 1e-5)
+"""Sigmas added to those numbers: no lens is known better, and the covariance stays positive definite."""
+STATED = (2e-3, 1.0, 1.0, 2e-3)
+"""Sigmas of a lens that was handed in and held: the calibration measures none of it, so that they are what
+recalibration takes for any rig that states nothing; k1 moves the corners by about as much as the focal length."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -37,8 +47,7 @@ def parameter_sigmas(fit: Adjusted) -> dict[str, dict[str, float]]:
     Pixels; distortion in its own units; rotation in degrees about the projector's axes, translation in the rig's unit.
     """
     columns = fit.setup.columns
-    sigma = np.zeros(len(fit.active))
-    sigma[fit.active] = np.sqrt(np.maximum(np.diag(fit.covariance), 0))
+    sigma = np.sqrt(np.maximum(np.diag(fit.covariance), 0))
     sigma[columns.rotation] = np.degrees(sigma[columns.rotation])
     blocks = (
         ("camera", INTRINSICS, columns.intrinsics(0)),
@@ -49,6 +58,40 @@ def parameter_sigmas(fit: Adjusted) -> dict[str, dict[str, float]]:
         what: {name: float(size) for name, size, free in zip(names, sigma[own], fit.active[own], strict=True) if free}
         for what, names, own in blocks
     }
+
+
+def lens_covariance(fit: Adjusted, fixed: Sequence[bool]) -> FloatArray:
+    """(8, 8) of log sqrt(fx fy), cx, cy in pixels, and k1, of the camera and then of the projector.
+
+    The marginal: everything else, the pose as well, is free. A k1 that was left out of the fit for not paying for
+    itself has the variance that the captures leave it; a lens that was `fixed` has `STATED`.
+    """
+    setup = fit.setup
+    by_shared = np.zeros((8, setup.columns.shared))
+    stated = np.zeros(8)
+    for device, camera in enumerate(setup.devices):
+        own = slice(4 * device, 4 * device + 4)
+        if fixed[device]:
+            stated[own] = STATED
+            continue
+        fx, fy = camera.K[0, 0], camera.K[1, 1]
+        columns = [setup.columns.intrinsic(device, name) for name in LENS]
+        by_shared[own, columns] = [[0.5 / fx, 0.5 / fy, 0, 0, 0], *np.eye(5)[2:]]
+    variance = np.tile(FLOOR, 2) ** 2 + stated**2
+    return _symmetric(by_shared @ fit.covariance @ by_shared.T) + np.diag(variance)
+
+
+def pose_covariance(fit: Adjusted) -> FloatArray:
+    """(5, 5) of the pose, everything else free, in the parameters of `geometry.two_view.pose_covariance`.
+
+    R <- exp([w]x) R as in `Setup`; of t <- t + v the direction changes by B^T v / |t|, B its `tangent_basis`.
+    """
+    columns, t = fit.setup.columns, fit.setup.second_from_first.t
+    length = np.linalg.norm(t)
+    by_shared = np.zeros((5, columns.shared))
+    by_shared[:3, columns.rotation] = np.eye(3)
+    by_shared[3:, columns.translation] = tangent_basis(t / length).T / length
+    return _symmetric(by_shared @ fit.covariance @ by_shared.T)
 
 
 def predicted_error(fit: Adjusted) -> PredictedError:
@@ -66,7 +109,7 @@ def predicted_error(fit: Adjusted) -> PredictedError:
         return PredictedError(float("nan"), distance)
     camera_px, projector_px = camera_px[both], projector_px[both]
     squares = np.zeros(len(camera_px))
-    values, vectors = np.linalg.eigh(fit.covariance)
+    values, vectors = np.linalg.eigh(fit.covariance[np.ix_(fit.active, fit.active)])
     for value, vector in zip(values, vectors.T, strict=True):
         change = np.zeros(len(fit.active))
         change[fit.active] = 1e-3 * np.sqrt(max(value, 0.0)) * vector  # small, so that the step is linear
@@ -88,3 +131,7 @@ def depth_spread(fit: Adjusted) -> float:
     """The range of the boards' depths over their mean."""
     depths: FloatArray = np.array([pose.t[2] for pose in fit.setup.first_from_board])
     return float(np.ptp(depths) / depths.mean())
+
+
+def _symmetric(matrix: FloatArray) -> FloatArray:
+    return (matrix + matrix.T) / 2
