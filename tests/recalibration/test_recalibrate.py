@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -169,3 +171,11 @@ def test_the_same_points_give_the_same_answer() -> None:
     first, second = (accepted(recalibrate(FAR, [points])).rig.projector_from_camera for _ in range(2))
     assert np.array_equal(first.R, second.R)
     assert np.array_equal(first.t, second.t)
+
+
+def test_what_the_calibration_knows_of_the_lenses_stays_with_them() -> None:
+    known = np.diag(np.arange(1.0, 9.0)).tolist()
+    old = replace(FAR, evidence={"lens_covariance": known, "covariance": "of the old pose"})
+    found = accepted(recalibrate(old, [capture(SCENES["corner"])])).rig.evidence
+    assert found["lens_covariance"] == known
+    assert found["covariance"] != "of the old pose"

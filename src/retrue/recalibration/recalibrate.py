@@ -33,6 +33,8 @@ from retrue.recalibration.scale import translation_length
 from retrue.recalibration.uncertainty import systematic_covariance
 from retrue.rig import Rig, require_rig
 
+KEPT = ("lens_covariance",)  # of the old rig's evidence: its lenses are the new rig's
+
 
 def recalibrate(
     rig: Rig, captures: Sequence[Correspondences], options: RecalibrateOptions | None = None
@@ -175,5 +177,6 @@ def _new_rig(rig: Rig, pose: RigidTransform, evidence: Evidence) -> Rig:
             "scale": evidence.scale,
             "working_distance": evidence.working_distance,
             **evidence.details,
+            **{key: rig.evidence[key] for key in KEPT if key in rig.evidence},
         },
     )
