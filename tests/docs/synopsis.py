@@ -11,8 +11,8 @@ from retrue.cli.commands import EXAMPLES, command_kind
 from retrue.cli.main import main
 
 
-class Parsed(Exception):
-    """Raised in place of what the command would do."""
+class Parsed(BaseException):
+    """Raised in place of what the command would do; no exception that `main` would report."""
 
 
 def parses(synopsis: str) -> bool:

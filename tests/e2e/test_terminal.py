@@ -1,15 +1,19 @@
 """How the command line feels: what it says, where, and how much."""
 
 import io
+import os
 import shlex
 import shutil
 import subprocess
+import sys
+from pathlib import Path
 
 import pytest
 
 from retrue.cli.commands import EXAMPLES, command_kind
 from retrue.cli.parsing import parse
 from retrue.cli.terminal import GREEN, Terminal, colored, time_left
+from retrue.errors import FileError
 
 
 class Screen(io.StringIO):
@@ -124,3 +128,45 @@ def test_experiment_tables_fit_80_columns(retrue, tmp_path):
     run = retrue("experiment", "noise", "--trials", 2, "--workers", 1, "--out", tmp_path)
     assert run.status == 0
     assert max(map(len, run.out.splitlines()[:-5])) <= 80
+
+
+def test_a_fault_of_our_own_is_one_line_and_a_report(retrue, files, monkeypatch, tmp_path):
+    def fails(*_: object) -> None:
+        raise ZeroDivisionError("nobody foresaw it")
+
+    monkeypatch.setattr("retrue.recalibration.verify.verify", fails)
+    monkeypatch.setattr("tempfile.tempdir", str(tmp_path))
+    run = retrue("verify", files.rig, files.points)
+    assert (run.status, run.out) == (70, "")
+    (complaint,) = [line for line in run.err.splitlines() if line.startswith("retrue: ")]
+    assert "ZeroDivisionError: nobody foresaw it" in complaint
+    report = Path(complaint.split("send us ")[1])
+    assert "Traceback" in report.read_text(encoding="utf-8")
+    assert set(retrue("verify", files.rig, files.points, "--json").json) == {"error"}
+
+
+def test_a_name_that_the_terminal_cannot_print_fails_nothing(files):
+    folder = files.folder / "\u56fe\u7247"
+    folder.mkdir()
+    for path in (files.before, files.points):
+        path.rename(folder / path.name)
+    script = "import sys; from retrue.cli.main import main; sys.exit(main(sys.argv[1:]))"
+    words = ["recalibrate", str(folder / "before.json"), str(folder / "points.csv"), "--in-place"]
+    environment = {**os.environ, "PYTHONIOENCODING": "cp1252"}
+    done = subprocess.run([sys.executable, "-c", script, *words], capture_output=True, env=environment, check=False)
+    assert done.returncode == 0, done.stderr
+    assert rb"\u56fe\u7247" in done.stdout
+    assert b"Traceback" not in done.stderr
+
+
+def test_a_page_that_fails_changes_no_verdict(retrue, files, monkeypatch):
+    def full(*_: object) -> None:
+        raise FileError(files.folder / "page.html", "cannot be written: no space left on device")
+
+    monkeypatch.setattr("retrue.pages.write_page", full)
+    new, page = files.folder / "new.json", files.folder / "page.html"
+    run = retrue("recalibrate", files.before, files.points, "--out", new, "--report", page)
+    assert run.status == 0
+    assert new.exists()
+    assert run.out.endswith("page.html: no report\n")
+    assert "no space left" in run.err

@@ -28,6 +28,7 @@ PatternPath = Annotated[Path | None, arg(metavar="P.json")]
 DONE = 0
 REFUSED_OR_DRIFTED = 1
 BAD_INPUT = 2
+OUR_FAULT = 70  # EX_SOFTWARE of sysexits.h
 
 
 @dataclass(frozen=True, slots=True)

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+import io
 import json
 import os
 import sys
 from collections.abc import Sequence
 from pathlib import Path
 
-from retrue.cli.command import BAD_INPUT, DONE, Outcome
+from retrue.cli.command import BAD_INPUT, DONE, OUR_FAULT, Outcome
 from retrue.cli.parsing import parse
 from retrue.cli.terminal import GREEN, RED, YELLOW, colored, terminal
 from retrue.errors import RetrueError
@@ -18,7 +19,11 @@ VERDICTS = frozenset({"accepted", "refused", "good", "drifted", "unknown"})
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    """Run one command; returns the exit status: 0 done, 1 refused or drifted, 2 bad usage or bad input."""
+    """Run one command; returns the exit status.
+
+    0 done, 1 refused or drifted, 2 bad usage or bad input, 70 a fault of our own.
+    """
+    _print_anything()
     arguments = list(sys.argv[1:] if arguments is None else arguments)
     if arguments == ["--version"]:
         from importlib.metadata import version
@@ -35,15 +40,26 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
             outcome = written_page(outcome, arguments)
     except RetrueError as error:
-        return _fail(str(error), as_json)
+        return _fail(str(error), as_json, BAD_INPUT)
     except KeyboardInterrupt:
         terminal.clear()
         print("retrue: interrupted", file=sys.stderr)
         return INTERRUPTED
+    except Exception as error:  # nobody foresaw it: a traceback is for us, and not for whoever waits for an answer
+        from retrue.cli.report import fault_report
+
+        return _fail(fault_report(error, arguments), as_json, OUR_FAULT)
     terminal.clear()
     if as_json or not command.quiet:
         _print(json.dumps(outcome.report, allow_nan=False) if as_json else _painted(outcome))
     return outcome.exit_status
+
+
+def _print_anything() -> None:
+    """Escape what the terminal's encoding lacks, such as a file's name: what is done must not fail in the telling."""
+    for stream in (sys.stdout, sys.stderr):
+        if isinstance(stream, io.TextIOWrapper):
+            stream.reconfigure(errors="backslashreplace")
 
 
 def _print(text: str) -> None:
@@ -62,10 +78,10 @@ def _painted(outcome: Outcome) -> str:
     return colored(verdict, GREEN if outcome.exit_status == DONE else YELLOW, sys.stdout) + colon + rest
 
 
-def _fail(message: str, as_json: bool) -> int:
+def _fail(message: str, as_json: bool, status: int) -> int:
     line = " ".join(message.split())
     terminal.clear()
     print(f"{colored('retrue:', RED, sys.stderr)} {line}", file=sys.stderr)
     if as_json:
         print(json.dumps({"error": line}))
-    return BAD_INPUT
+    return status
