@@ -1,0 +1,134 @@
+"""What the matches can tell at best (Cramer-Rao), with the lenses as well known as a prior says; by differences.
+
+Unknowns: the pose (5, |t| = 1), both lenses (focal length, principal point, k1), each plane. A point on a plane leaves
+the whole error of its transferred pixel, any other the one across its epipolar line.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from .capture import Capture
+from .lens import Array, Prior
+from .rig import Rig, turn
+
+FREE_LENS = Prior(0.3, 30.0, 0.1)
+POSE, LENS = 5, 8
+STEPS = np.array([1e-6] * POSE + [1e-6, 1e-3, 1e-3, 1e-6] * 2)
+MOST_POINTS = 250
+FEWEST_ON_A_PLANE = 20
+
+
+@dataclass(frozen=True)
+class Bound:
+    """Standard deviations: of the pose in degrees (rotation, direction of t); of the focal lengths if they are free."""
+
+    pose: Array
+    focal: Array
+
+
+def bound(rig: Rig, captures: Sequence[Capture], prior: Prior) -> Bound:
+    """For the right matches, at the truth; infinite where they do not determine the pose."""
+    size = POSE + LENS
+    total = np.zeros((size, size))
+    for capture in captures:
+        total += _information(rig, capture)
+    free = _inverse(total + _prior(FREE_LENS))
+    pose = _inverse(total + _prior(prior))
+    parts = np.trace(pose[:3, :3]), np.trace(pose[3:5, 3:5])
+    return Bound(np.degrees(np.sqrt(parts)), np.sqrt(free[[POSE, POSE + 4], [POSE, POSE + 4]]))
+
+
+def _prior(prior: Prior) -> Array:
+    lens = [prior.focal, prior.centre_px, prior.centre_px, prior.k1]
+    return np.diag([0.0] * POSE + [1 / max(s, 1e-7) ** 2 for s in lens * 2])
+
+
+def _inverse(information: Array) -> Array:
+    scale = np.sqrt(np.maximum(np.diag(information), 1e-300))
+    values, vectors = np.linalg.eigh(information / np.outer(scale, scale))
+    if not values[0] > 1e-12:
+        return np.full_like(information, np.inf)
+    return (vectors / values) @ vectors.T / np.outer(scale, scale)
+
+
+def _changed(rig: Rig, k: int, step: float) -> Rig:
+    """The rig with one unknown moved."""
+    if k < 3:
+        return replace(rig, R=turn(step * np.eye(3)[k]) @ rig.R)
+    if k < POSE:
+        across = np.linalg.svd(rig.t[None])[2][1:]
+        return replace(rig, t=rig.t + step * across[k - 3])
+    name, which = ("camera", "projector")[(k - POSE) // 4], (k - POSE) % 4
+    lens = getattr(rig, name)
+    new = [
+        lens.other(zoom=float(np.exp(step))),
+        lens.other(shift=(step, 0)),
+        lens.other(shift=(0, step)),
+        lens.other(k1=step),
+    ][which]
+    return replace(rig, **{name: new})
+
+
+def _information(rig: Rig, capture: Capture) -> Array:
+    """(13, 13) of one capture, its planes already taken out."""
+    size = POSE + LENS
+    rows = np.flatnonzero(capture.right)
+    if len(rows) == 0:
+        return np.zeros((size, size))
+    length = np.linalg.norm(rig.t)
+    rig = replace(rig, t=rig.t / length)
+    weight = max(1.0, len(rows) / MOST_POINTS) / (capture.noise.sigma**2 + capture.noise.slow**2)
+    rows = rows[:: max(1, round(len(rows) / MOST_POINTS))]
+    points, labels, flat = capture.points[rows] / length, capture.labels[rows], capture.flat[rows]
+    camera_px, projector_px = rig.camera.project(points), rig.projector.project(rig.in_projector(points))
+    total = np.zeros((size, size))
+    free = ~flat
+    for label in np.unique(labels[flat]):
+        mine = labels == label
+        if np.count_nonzero(mine) < FEWEST_ON_A_PLANE * len(rows) / max(len(capture), 1):
+            free |= mine
+            continue
+        normal = capture.normals[rows][mine][0]
+        total += _plane_information(rig, camera_px[mine], normal / (normal @ points[mine][0]))
+    if free.any():
+        total += _free_information(rig, camera_px[free], projector_px[free])
+    return total * weight
+
+
+def _plane_information(rig: Rig, camera_px: Array, n: Array) -> Array:
+    def transfer(rig: Rig, camera_px: Array, n: Array) -> Array:
+        rays = rig.camera.rays(camera_px)
+        return rig.projector.project(rig.in_projector(rays / (rays @ n)[:, None]))
+
+    by_rig = _slopes(rig, lambda changed: transfer(changed, camera_px, n))  # (13, N, 2)
+    small = 1e-6 * np.linalg.norm(n)
+    by_plane = [(transfer(rig, camera_px, n + d) - transfer(rig, camera_px, n - d)) / 2e-6 for d in small * np.eye(3)]
+    h = 1e-3
+    by_pixel = [(transfer(rig, camera_px + d, n) - transfer(rig, camera_px - d, n)) / (2 * h) for d in h * np.eye(2)]
+    whiten = np.linalg.inv(np.stack(by_pixel, axis=2))  # camera pixels per projector pixel, (N, 2, 2)
+    J = np.einsum("nij,knj->kni", whiten, np.concatenate([by_rig, by_plane])).reshape(len(by_rig) + 3, -1)
+    J = J[:, np.isfinite(J).all(axis=0)]
+    A = J @ J.T
+    m = len(by_rig)
+    return A[:m, :m] - A[:m, m:] @ np.linalg.pinv(A[m:, m:]) @ A[m:, :m]
+
+
+def _free_information(rig: Rig, camera_px: Array, projector_px: Array) -> Array:
+    def miss(rig: Rig, camera_px: Array) -> Array:
+        x, y = rig.camera.rays(camera_px), rig.projector.rays(projector_px)
+        return (y * np.cross(rig.t, x @ rig.R.T)).sum(axis=1)
+
+    by_rig = _slopes(rig, lambda changed: miss(changed, camera_px))  # (13, N)
+    h = 1e-3
+    by_pixel = [(miss(rig, camera_px + d) - miss(rig, camera_px - d)) / (2 * h) for d in h * np.eye(2)]
+    J = by_rig / np.hypot(*by_pixel)
+    J = J[:, np.isfinite(J).all(axis=0)]
+    return J @ J.T
+
+
+def _slopes(rig: Rig, of: Callable[[Rig], Array]) -> Array:
+    return np.stack([(of(_changed(rig, k, h)) - of(_changed(rig, k, -h))) / (2 * h) for k, h in enumerate(STEPS)])
