@@ -24,10 +24,21 @@ FEWEST_ON_A_PLANE = 20
 
 @dataclass(frozen=True)
 class Bound:
-    """Standard deviations: of the pose in degrees (rotation, direction of t); of the focal lengths if they are free."""
+    """Standard deviations.
+
+    Attributes
+    ----------
+    pose : (2,) degrees, of rotation and direction of t, with lenses as well known as their calibration says.
+    lens : (2, 4) of the camera's and the projector's focal length (relative), principal point and k1, if all are free.
+    """
 
     pose: Array
-    focal: Array
+    lens: Array
+
+    def of_lens(self, device: str, what: str) -> float:
+        """Of "focal", "centre" (the worse axis) or "k1"."""
+        focal, x, y, k1 = self.lens[("camera", "projector").index(device)]
+        return {"focal": float(focal), "centre": float(max(x, y)), "k1": float(k1)}[what]
 
 
 def bound(rig: Rig, captures: Sequence[Capture], prior: Prior) -> Bound:
@@ -39,7 +50,7 @@ def bound(rig: Rig, captures: Sequence[Capture], prior: Prior) -> Bound:
     free = _inverse(total + _prior(FREE_LENS))
     pose = _inverse(total + _prior(prior))
     parts = np.trace(pose[:3, :3]), np.trace(pose[3:5, 3:5])
-    return Bound(np.degrees(np.sqrt(parts)), np.sqrt(free[[POSE, POSE + 4], [POSE, POSE + 4]]))
+    return Bound(np.degrees(np.sqrt(parts)), np.sqrt(np.diag(free)[POSE:]).reshape(2, 4))
 
 
 def _prior(prior: Prior) -> Array:

@@ -86,6 +86,11 @@ class Capture:
         low, high = np.percentile(self.camera_px, [1, 99], axis=0)
         return float(((high - low) / np.array(self.camera_size)).max())
 
+    def slant(self) -> float:
+        """Median angle, radians, between the surface's normal and the line to the camera."""
+        cosine = -(self.normals * self.points).sum(axis=1) / np.linalg.norm(self.points, axis=1)
+        return float(np.arccos(np.clip(np.median(cosine), -1, 1)))
+
 
 def see(rig: Rig, scene: Scene, pixels: Array) -> tuple[Array, Array, Array, Array]:
     """Camera pixels (N, 2), points, normals and labels of projector pixels; NaN and -1 where the camera sees none.

@@ -18,9 +18,10 @@ from .scene import NO_PLANE, RICH, SCENES, Scene, across
 
 ATTEMPTS = 400
 FEWEST_POINTS = 60
+MOST_SLANT = np.radians(60)
 
 Spoil = Callable[[Generator, Rig, Capture], Capture | None]
-Mislead = Callable[[Generator, Rig], tuple[Rig, dict[str, float]]]
+Mislead = Callable[[Generator, Rig], tuple[Rig, dict[tuple[str, str], float]]]
 PAINTS = {"plain": plain_paint, "hostile": hostile_paint}
 
 
@@ -33,6 +34,7 @@ class Case:
     truths : the rigs that took the captures; a pose is right that is one of theirs.
     told : the rig as handed in: lenses by a calibration of that `prior`, and the old pose.
     evidence : of the rig handed in.
+    lens_faults : by how much the lens of (device, "focal", "centre" or "k1") is off beyond that prior.
     facts : what a reader of a failure wants to know.
     """
 
@@ -40,6 +42,7 @@ class Case:
     told: Rig
     captures: tuple[Capture, ...]
     prior: Prior
+    lens_faults: dict[tuple[str, str], float]
     facts: dict[str, Any]
     evidence: dict[str, Any] = field(default_factory=dict)
 
@@ -51,7 +54,8 @@ class Kind:
     Attributes
     ----------
     scenes : one is drawn.
-    span : share of the camera's picture that is lit, from and to.
+    span : share of the camera's picture that may be lit, from and to; `least` that must be, and then no surface is
+        seen under more than 60 degrees (median).
     old : how far the old pose is off, at most, in degrees; `drift` exactly so, of a rig to be verified.
     captures : how many, of one pose; `poses` 2: of two poses.
     """
@@ -70,6 +74,7 @@ class Kind:
     paint: str = "any"
     stated: bool = False
     fewest: int = FEWEST_POINTS
+    least: float = 0.0
 
 
 def make(rng: Generator, kind: Kind, prior: Prior) -> Case:
@@ -94,7 +99,9 @@ def _attempt(rng: Generator, kind: Kind, prior: Prior) -> Case | None:
         if taken and not kind.mixed and rng.random() < 0.5:
             scene = _scene(rng, kind, name, one, distance)
         seen = capture(rng, one, scene, rng.uniform(*kind.span))
-        if seen is None or len(seen) < kind.fewest:
+        if seen is None or len(seen) < kind.fewest or seen.span() < kind.least:
+            return None
+        if kind.least and seen.slant() > MOST_SLANT:
             return None
         seen = shine(rng, one, seen, PAINTS[paint_name](rng))
         spoiled = kind.spoil(rng, one, seen) if kind.spoil else seen
@@ -106,10 +113,12 @@ def _attempt(rng: Generator, kind: Kind, prior: Prior) -> Case | None:
     facts: dict[str, Any] = {"scene": name, "paint": paint_name, "points": len(taken[0]), "span": taken[0].span()}
     facts |= {"noise": taken[0].noise.sigma, "tails": taken[0].noise.tails, "slow": taken[0].noise.slow}
     facts["baseline"] = float(np.linalg.norm(rig.t) / distance)
-    told, more = kind.mislead(rng, rig) if kind.mislead else (rig, {})
+    told, misled = kind.mislead(rng, rig) if kind.mislead else (rig, {})
     told = replace(told, camera=_drawn(rng, prior, told.camera), projector=_drawn(rng, prior, told.projector))
     told, evidence = _posed(rng, kind, told)
-    return Case(_distinct(rigs), told, tuple(taken), prior, facts | more, evidence)
+    for (device, what), off in misled.items():
+        facts[f"{device} {what} off"] = off
+    return Case(_distinct(rigs), told, tuple(taken), prior, misled, facts, evidence)
 
 
 def _scene(rng: Generator, kind: Kind, name: str, rig: Rig, distance: float) -> Scene:
@@ -188,8 +197,8 @@ def _walls() -> dict[str, Kind]:
     kinds = {}
     for paint in PAINTS:
         for old in (10, 60):
-            kinds[f"wall, {paint}, old {old}"] = Kind(("wall",), old=old, paint=paint)
-        kinds[f"small wall, {paint}"] = Kind(("wall",), old=60, paint=paint, span=(0.1, 0.3))
+            kinds[f"wall, {paint}, old {old}"] = Kind(("wall",), old=old, paint=paint, least=0.3)
+        kinds[f"small wall, {paint}"] = Kind(("wall",), old=60, paint=paint, span=(0.1, 0.3), least=0.1)
     return kinds
 
 

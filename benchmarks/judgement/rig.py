@@ -98,7 +98,7 @@ def random_rig(rng: Generator, distance: float, along: float | None = None) -> R
     style = rng.random()
     if along is None and style < 0.15:  # rectified: the same axes, side by side or one above the other
         axis = np.array([[1.0, 0, 0], [-1, 0, 0], [0, 1, 0], [0, -1, 0]][rng.integers(4)])
-        return Rig(camera, projector, np.eye(3), -axis * length * 0.5)
+        return Rig(camera, projector, np.eye(3), -axis * distance * rng.uniform(0.1, 0.35))
     if along is not None:
         direction = tilted(rng, np.array([0, 0, rng.choice([-1.0, 1.0])]), rng.uniform(0, along))
     elif style < 0.6:  # beside the camera, as most rigs are

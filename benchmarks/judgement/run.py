@@ -5,22 +5,25 @@
     python -m benchmarks.judgement.run --kind "focal camera, rich" --only 17
 
 A pose is wrong when it is more than 5 of its own sigma and more than 0.2 deg off, in rotation or direction of t.
-Columns: `lens` how many answers call the lens checked / unchecked / changed; `lazy` how many of the unchecked ones had
-points that know both focal lengths to 1 %; `tell` of how many cases the points allow an answer inside the limits of
-`retrue` (Cramer-Rao), and `kept` the share of those that was answered and right; `NEES` mean normalised error squared
-of the five parameters (5 is honest); `z` the mean of (error / sigma)^2 of rotation and of direction of t (1 is
-honest); `<3s` the share with both within 3 sigma; then the medians of both errors and of the larger focal length's.
+Columns: `lens` how many answers call the lens checked / unchecked / changed; `sure` the wrong ones that call it
+checked or changed; `lazy` the unchecked ones whose points know both focal lengths to 1 %; `owed` of the lenses that
+the points know to be off by 6 sigma, how many were called changed or did no harm, and how many there were; `tell` of
+how many cases the points allow an answer inside the limits of `retrue` (Cramer-Rao), and `kept` the share of those
+that was answered and right; `NEES` mean normalised error squared of the five parameters (5 is honest); `z` the mean
+of (error / sigma)^2 of rotation and of direction of t (1 is honest); `<3s` the share with both within 3 sigma; then
+the medians of both errors and of the larger focal length's.
 """
 
 from __future__ import annotations
 
 import argparse
+import ast
 import dataclasses
 import json
 import os
 import re
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from concurrent.futures import ProcessPoolExecutor
 from functools import partial
 from pathlib import Path
@@ -40,11 +43,12 @@ from .score import Outcome, ask
 ANSWERED = ("accepted", "unchanged")
 FAILURES = ("wrong", "error", "refused", "unknown")
 KNOWN_FOCAL = 0.01
+LENS_SIGMAS = 6.0
 
 
-def trial(name: str, prior: str, old: float | None, seed: int) -> Outcome:
+def trial(name: str, prior: str, old: float | None, settings: Mapping[str, Any], seed: int) -> Outcome:
     """One case, drawn and judged."""
-    return ask(name, seed, KINDS[name].job, draw(name, seed, prior, old))
+    return ask(name, seed, KINDS[name].job, draw(name, seed, prior, old), settings)
 
 
 def within_limits(outcome: Outcome) -> bool:
@@ -67,7 +71,10 @@ def pose_row(outcomes: list[Outcome]) -> list[str]:
     verdicts = Counter(o.verdict for o in outcomes)
     given = [o for o in outcomes if o.off is not None and o.sigma is not None]
     lens = Counter(o.lens for o in outcomes)
-    lazy = [o for o in outcomes if o.lens == "unchecked" and o.at_best and (o.at_best.focal < KNOWN_FOCAL).all()]
+    sure = [o for o in outcomes if o.verdict == "wrong" and o.lens in ("checked", "changed")]
+    owed = [o for o in outcomes if o.lens_fault > LENS_SIGMAS]
+    paid = [o for o in owed if o.lens == "changed" or o.verdict in ANSWERED or "FocalLengthChanged" in o.reason]
+    lazy = [o for o in outcomes if o.lens == "unchecked" and o.at_best and (o.at_best.lens[:, 0] < KNOWN_FOCAL).all()]
     tell = [o for o in outcomes if within_limits(o)]
     kept = [o for o in tell if o.verdict in ANSWERED]
     with np.errstate(all="ignore"):
@@ -75,7 +82,9 @@ def pose_row(outcomes: list[Outcome]) -> list[str]:
     return [
         *(str(verdicts[v]) for v in ("accepted", "wrong", "unchanged", "refused", "error")),
         "/".join(str(lens[v]) for v in ("checked", "unchecked", "changed")),
+        str(len(sure)),
         str(len(lazy)),
+        f"{len(paid)}/{len(owed)}" if owed else "-",
         str(len(tell)),
         f"{100 * len(kept) / len(tell):.0f}%" if tell else "-",
         mean([o.nees for o in given]),
@@ -93,6 +102,7 @@ def word_row(words: Sequence[str], outcomes: list[Outcome]) -> list[str]:
     verdicts = Counter(o.verdict for o in outcomes)
     return [
         *(str(verdicts[v]) for v in (*words, "error")),
+        str(len(outcomes) - sum(verdicts[v] for v in (*words, "error"))),
         mean([o.nees for o in outcomes if o.verdict == "good"]),
         mean([o.at_best.pose[0] for o in outcomes if o.at_best], "{:.3f}", np.median),
         mean([o.at_best.pose[1] for o in outcomes if o.at_best], "{:.3f}", np.median),
@@ -100,9 +110,24 @@ def word_row(words: Sequence[str], outcomes: list[Outcome]) -> list[str]:
     ]
 
 
-POSE_HEAD = ["accept", "wrong", "unchg", "refuse", "error", "lens", "lazy", "tell", "kept", "NEES", "z", "<3s"]
+POSE_HEAD = [
+    "accept",
+    "wrong",
+    "unchg",
+    "refuse",
+    "error",
+    "lens",
+    "sure",
+    "lazy",
+    "owed",
+    "tell",
+    "kept",
+    "NEES",
+    "z",
+    "<3s",
+]
 POSE_HEAD += ["rot", "t", "focal", "ms"]
-POSE_WIDTH = [6, 6, 6, 6, 6, 9, 5, 5, 5, 8, 12, 5, 7, 7, 7, 5]
+POSE_WIDTH = [7, 6, 6, 7, 6, 10, 5, 5, 8, 5, 5, 8, 13, 6, 7, 7, 8, 6]
 WORDS = {"verify": ("good", "drifted", "unknown"), "reconstruct": ("written", "refused")}
 
 
@@ -110,12 +135,21 @@ def table(job: str) -> tuple[list[str], list[int]]:
     """Headings and widths."""
     if job == "recalibrate":
         return POSE_HEAD, POSE_WIDTH
-    head = [*WORDS[job], "error", "d2 good", "best rot", "best t", "ms"]
+    head = [*WORDS[job], "error", "other", "d2 good", "best rot", "best t", "ms"]
     return head, [9] * len(head)
 
 
 def line(name: str, cells: Sequence[str], widths: Sequence[int]) -> str:
     return f"{name:24}" + "".join(f"{cell:>{width}}" for cell, width in zip(cells, widths, strict=True))
+
+
+def setting(text: str) -> tuple[str, Any]:
+    """NAME=VALUE, the value a Python literal, else a word."""
+    name, _, value = text.partition("=")
+    try:
+        return name, ast.literal_eval(value)
+    except (ValueError, SyntaxError):
+        return name, value
 
 
 def plain(value: Any) -> Any:
@@ -157,7 +191,11 @@ def main() -> None:
     )
     parser.add_argument("--only", type=int, metavar="SEED", help="replay one case of one kind, and print all of it")
     parser.add_argument("--list", action="store_true", help="print the kinds of each group")
+    parser.add_argument(
+        "--set", action="append", default=[], metavar="NAME=VALUE", help="a field of RecalibrateOptions, for ablations"
+    )
     arguments = parser.parse_args()
+    settings = dict(setting(text) for text in arguments.set)
     if arguments.list:
         for group, kinds in GROUPS.items():
             print(f"{group}: {'; '.join(kinds)}")
@@ -170,7 +208,7 @@ def main() -> None:
         parser.error(f"--kind: expected a name that --list prints, found {arguments.kind!r}")
     if arguments.only is not None:
         for name in names:
-            outcome = trial(name, arguments.prior, arguments.old, arguments.only)
+            outcome = trial(name, arguments.prior, arguments.old, settings, arguments.only)
             print(json.dumps(dataclasses.asdict(outcome), default=plain, indent=2))
         return
     seeds = range(arguments.seed * 1_000_000, arguments.seed * 1_000_000 + arguments.trials)
@@ -181,7 +219,7 @@ def main() -> None:
                 job = KINDS[name].job
                 head, widths = table(job)
                 print(line(f"of {arguments.trials} each", head, widths), flush=True)
-            run = partial(trial, name, arguments.prior, arguments.old)
+            run = partial(trial, name, arguments.prior, arguments.old, settings)
             outcomes = list(pool.map(run, seeds, chunksize=max(1, min(8, arguments.trials // arguments.jobs))))
             print(
                 line(name, pose_row(outcomes) if job == "recalibrate" else word_row(WORDS[job], outcomes), widths),

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import time
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -29,6 +30,7 @@ class Outcome:
     nees : error^T C^-1 error of the five parameters, where the answer states C.
     focal_off : the larger relative error of the focal lengths that the answer leaves in the rig.
     at_best : what the matches allow (`bound`).
+    lens_fault : how far a lens is off, in sigma of a fit that leaves all lenses free; 0 where none is.
     """
 
     kind: str
@@ -41,33 +43,38 @@ class Outcome:
     nees: float | None = None
     focal_off: float | None = None
     at_best: Bound | None = None
+    lens_fault: float = 0.0
     seconds: float = 0.0
     facts: dict[str, Any] = field(default_factory=dict)
 
 
-def ask(kind: str, seed: int, job: str, case: Case) -> Outcome:
-    """The outcome of one case; an exception that `retrue` does not raise on purpose is an "error"."""
+def ask(kind: str, seed: int, job: str, case: Case, settings: Mapping[str, Any]) -> Outcome:
+    """The outcome of one case; an exception is an "error". `settings` are fields of RecalibrateOptions."""
     start = time.perf_counter()
     captures = [capture.public() for capture in case.captures]
     rig = case.told.public(case.evidence)
     try:
-        answer = {"recalibrate": _recalibrate, "verify": _verify, "reconstruct": _reconstruct}[job](rig, captures, case)
+        judge = {"recalibrate": _recalibrate, "verify": _verify, "reconstruct": _reconstruct}[job]
+        answer = judge(rig, captures, case, options(case.prior, settings))
     except Exception as error:  # the bench goes on; the row shows it
         answer = {"verdict": "error", "reason": f"{type(error).__name__}: {error}"}
     seconds = time.perf_counter() - start
     best = bound(case.truths[0], case.captures, case.prior)
-    return Outcome(kind, seed, at_best=best, seconds=seconds, **{"facts": case.facts, **answer})
+    fault = max((abs(off) / best.of_lens(*name) for name, off in case.lens_faults.items()), default=0.0)
+    return Outcome(kind, seed, at_best=best, seconds=seconds, lens_fault=fault, **{"facts": case.facts, **answer})
 
 
-def options(prior: Prior) -> retrue.RecalibrateOptions:
+def options(prior: Prior, settings: Mapping[str, Any]) -> retrue.RecalibrateOptions:
     """As sure of the lenses as their calibration is, where that is an option."""
     stated = {"focal_sigma": max(prior.focal, 1e-6), "principal_point_sigma_px": max(prior.centre_px, 1e-4)}
     known = retrue.RecalibrateOptions.__dataclass_fields__
-    return retrue.RecalibrateOptions(**{name: value for name, value in stated.items() if name in known})
+    return retrue.RecalibrateOptions(**{n: v for n, v in stated.items() if n in known} | dict(settings))
 
 
-def _recalibrate(rig: retrue.Rig, captures: list[retrue.Correspondences], case: Case) -> dict[str, Any]:
-    result = retrue.recalibrate(rig, captures, options(case.prior))
+def _recalibrate(
+    rig: retrue.Rig, captures: list[retrue.Correspondences], case: Case, limits: retrue.RecalibrateOptions
+) -> dict[str, Any]:
+    result = retrue.recalibrate(rig, captures, limits)
     evidence = result.evidence
     lens = _lens_answer(getattr(evidence, "lens", None))
     if isinstance(result, retrue.Refused):
@@ -77,9 +84,8 @@ def _recalibrate(rig: retrue.Rig, captures: list[retrue.Correspondences], case: 
     error = min(errors, key=lambda e: float(np.abs(e).max()))
     off = np.degrees([np.linalg.norm(error[:3]), np.linalg.norm(error[3:])])
     stated = np.array([sigma.rotation_deg, sigma.translation_deg]) if sigma else np.zeros(2)
-    verdict = (
-        "unchanged" if "unchanged" in (type(result).__name__.lower(), getattr(result, "verdict", "")) else "accepted"
-    )
+    words = (type(result).__name__.lower(), str(getattr(result, "verdict", "")))
+    verdict = "unchanged" if "unchanged" in words or getattr(result, "unchanged", False) else "accepted"
     if not ((off <= WRONG_DEG) | (off <= WRONG_SIGMAS * stated)).all():
         verdict = "wrong"
     covariance = evidence.details.get("covariance_total")
@@ -98,7 +104,8 @@ def _recalibrate(rig: retrue.Rig, captures: list[retrue.Correspondences], case: 
 def _lens_answer(lens: Any) -> str:
     if lens is None or isinstance(lens, str):
         return lens or ""
-    return str(getattr(lens, "verdict", getattr(lens, "state", type(lens).__name__))).lower()
+    named = (getattr(lens, name) for name in ("verdict", "state", "status", "answer") if hasattr(lens, name))
+    return str(next(named, type(lens).__name__)).lower()
 
 
 def _focal_error(rig: retrue.Rig, truth: Rig) -> float:
@@ -106,16 +113,19 @@ def _focal_error(rig: retrue.Rig, truth: Rig) -> float:
     return max(abs(float(found.K[0, 0]) / float(true.focal[0]) - 1) for found, true in pairs)
 
 
-def _verify(rig: retrue.Rig, captures: list[retrue.Correspondences], case: Case) -> dict[str, Any]:
-    estimate = options(case.prior)
-    result = retrue.verify(rig, captures, retrue.VerifyOptions(estimate=estimate))
+def _verify(
+    rig: retrue.Rig, captures: list[retrue.Correspondences], case: Case, limits: retrue.RecalibrateOptions
+) -> dict[str, Any]:
+    result = retrue.verify(rig, captures, retrue.VerifyOptions(estimate=limits))
     sigma = result.sigma
     stated = np.array([sigma.rotation_deg, sigma.translation_deg]) if sigma else None
     reason = f"{result.cause.name}: {result.reason}" if result.cause else result.reason
     return {"verdict": result.verdict, "reason": reason, "sigma": stated, "nees": (result.drift_sigmas or np.nan) ** 2}
 
 
-def _reconstruct(rig: retrue.Rig, captures: list[retrue.Correspondences], case: Case) -> dict[str, Any]:
+def _reconstruct(
+    rig: retrue.Rig, captures: list[retrue.Correspondences], case: Case, _: retrue.RecalibrateOptions
+) -> dict[str, Any]:
     try:
         cloud = retrue.reconstruct(rig, captures[0])
     except retrue.RetrueError as error:
