@@ -12,7 +12,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from .capture import Capture
-from .lens import Array, Prior
+from .lens import Array, Lens, Prior
 from .rig import Rig, turn
 
 FREE_LENS = Prior(0.3, 30.0, 0.1)
@@ -30,18 +30,15 @@ class Bound:
     ----------
     pose : (2,) degrees, of rotation and direction of t, with lenses as well known as their calibration says.
     lens : (2, 4) of the camera's and the projector's focal length (relative), principal point and k1, if all are free.
+    against : by how many sigma the matches contradict the lenses that were handed in (root of the likelihood ratio).
     """
 
     pose: Array
     lens: Array
-
-    def of_lens(self, device: str, what: str) -> float:
-        """Of "focal", "centre" (the worse axis) or "k1"."""
-        focal, x, y, k1 = self.lens[("camera", "projector").index(device)]
-        return {"focal": float(focal), "centre": float(max(x, y)), "k1": float(k1)}[what]
+    against: float = 0.0
 
 
-def bound(rig: Rig, captures: Sequence[Capture], prior: Prior) -> Bound:
+def bound(rig: Rig, captures: Sequence[Capture], prior: Prior, told: Rig | None = None) -> Bound:
     """For the right matches, at the truth; infinite where they do not determine the pose."""
     size = POSE + LENS
     total = np.zeros((size, size))
@@ -50,7 +47,23 @@ def bound(rig: Rig, captures: Sequence[Capture], prior: Prior) -> Bound:
     free = _inverse(total + _prior(FREE_LENS))
     pose = _inverse(total + _prior(prior))
     parts = np.trace(pose[:3, :3]), np.trace(pose[3:5, 3:5])
-    return Bound(np.degrees(np.sqrt(parts)), np.sqrt(np.diag(free)[POSE:]).reshape(2, 4))
+    return Bound(
+        np.degrees(np.sqrt(parts)),
+        np.sqrt(np.diag(free)[POSE:]).reshape(2, 4),
+        _against(rig, told or rig, total, prior),
+    )
+
+
+def _against(rig: Rig, told: Rig, total: Array, prior: Prior) -> float:
+    """d^T (S^-1 + P)^-1 d, rooted: d is what the lenses are off, S what the matches tell of them, P the prior."""
+    d = np.concatenate([_lens_off(getattr(told, name), getattr(rig, name)) for name in ("camera", "projector")])
+    S = total[POSE:, POSE:] - total[POSE:, :POSE] @ np.linalg.pinv(total[:POSE, :POSE]) @ total[:POSE, POSE:]
+    gain = S - S @ np.linalg.solve(S + _prior(prior)[POSE:, POSE:], S)
+    return float(np.sqrt(max(0.0, d @ gain @ d)))
+
+
+def _lens_off(told: Lens, true: Lens) -> Array:
+    return np.array([np.log(told.focal[0] / true.focal[0]), *(told.centre - true.centre), told.bend[0] - true.bend[0]])
 
 
 def _prior(prior: Prior) -> Array:

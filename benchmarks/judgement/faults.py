@@ -10,9 +10,6 @@ from .capture import Capture
 from .lens import Array, Generator, Lens
 from .rig import Rig, random_direction
 
-LensFaults = dict[tuple[str, str], float]
-"""By how much (device, "focal", "centre" or "k1") is off."""
-
 
 def part(rng: Generator, capture: Capture, share: float) -> Array:
     """(N,) a mask of the points on one side of a line across the camera's picture."""
@@ -117,29 +114,29 @@ def signed(rng: Generator, low: float, high: float) -> float:
     return float(rng.choice([-1, 1])) * log_uniform(rng, low, high)
 
 
-def other_focal(rng: Generator, rig: Rig, device: str) -> tuple[Rig, LensFaults]:
+def other_focal(rng: Generator, rig: Rig, device: str) -> tuple[Rig, dict[str, float]]:
     """The rig as the file has it: a focal length, or both, 0.3 to 20 % off."""
-    off: LensFaults = {}
+    off: dict[str, float] = {}
     for name in ("camera", "projector"):
         if device in (name, "both"):
-            off[name, "focal"] = signed(rng, 0.003, 0.2)
-            rig = replace(rig, **{name: getattr(rig, name).other(zoom=1 / (1 + off[name, "focal"]))})
+            off[f"{name} focal"] = signed(rng, 0.003, 0.2)
+            rig = replace(rig, **{name: getattr(rig, name).other(zoom=1 / (1 + off[f"{name} focal"]))})
     return rig, off
 
 
-def other_centre(rng: Generator, rig: Rig, most: float = 30.0) -> tuple[Rig, LensFaults]:
+def other_centre(rng: Generator, rig: Rig, most: float = 30.0) -> tuple[Rig, dict[str, float]]:
     """A principal point 1 to 30 pixels off."""
     name, length, angle = str(rng.choice(["camera", "projector"])), log_uniform(rng, 1, most), rng.uniform(0, 2 * np.pi)
     lens: Lens = getattr(rig, name)
     shift = length * np.array([np.cos(angle), np.sin(angle)])
-    return replace(rig, **{name: lens.other(shift=shift)}), {(name, "centre"): length}
+    return replace(rig, **{name: lens.other(shift=shift)}), {f"{name} centre": length}
 
 
-def other_k1(rng: Generator, rig: Rig) -> tuple[Rig, LensFaults]:
+def other_k1(rng: Generator, rig: Rig) -> tuple[Rig, dict[str, float]]:
     """A k1 0.01 to 0.3 off, as far as every pixel still has a ray."""
     name, change = str(rng.choice(["camera", "projector"])), signed(rng, 0.01, 0.3)
     while True:
         lens = getattr(rig, name).other(k1=change)
         if lens.covers_its_picture():
-            return replace(rig, **{name: lens}), {(name, "k1"): change}
+            return replace(rig, **{name: lens}), {f"{name} k1": change}
         change *= -0.7

@@ -21,7 +21,7 @@ FEWEST_POINTS = 60
 MOST_SLANT = np.radians(60)
 
 Spoil = Callable[[Generator, Rig, Capture], Capture | None]
-Mislead = Callable[[Generator, Rig], tuple[Rig, dict[tuple[str, str], float]]]
+Mislead = Callable[[Generator, Rig], tuple[Rig, dict[str, float]]]
 PAINTS = {"plain": plain_paint, "hostile": hostile_paint}
 
 
@@ -34,7 +34,6 @@ class Case:
     truths : the rigs that took the captures; a pose is right that is one of theirs.
     told : the rig as handed in: lenses by a calibration of that `prior`, and the old pose.
     evidence : of the rig handed in.
-    lens_faults : by how much the lens of (device, "focal", "centre" or "k1") is off beyond that prior.
     facts : what a reader of a failure wants to know.
     """
 
@@ -42,7 +41,6 @@ class Case:
     told: Rig
     captures: tuple[Capture, ...]
     prior: Prior
-    lens_faults: dict[tuple[str, str], float]
     facts: dict[str, Any]
     evidence: dict[str, Any] = field(default_factory=dict)
 
@@ -113,12 +111,10 @@ def _attempt(rng: Generator, kind: Kind, prior: Prior) -> Case | None:
     facts: dict[str, Any] = {"scene": name, "paint": paint_name, "points": len(taken[0]), "span": taken[0].span()}
     facts |= {"noise": taken[0].noise.sigma, "tails": taken[0].noise.tails, "slow": taken[0].noise.slow}
     facts["baseline"] = float(np.linalg.norm(rig.t) / distance)
-    told, misled = kind.mislead(rng, rig) if kind.mislead else (rig, {})
+    told, off = kind.mislead(rng, rig) if kind.mislead else (rig, {})
     told = replace(told, camera=_drawn(rng, prior, told.camera), projector=_drawn(rng, prior, told.projector))
     told, evidence = _posed(rng, kind, told)
-    for (device, what), off in misled.items():
-        facts[f"{device} {what} off"] = off
-    return Case(_distinct(rigs), told, tuple(taken), prior, misled, facts, evidence)
+    return Case(_distinct(rigs), told, tuple(taken), prior, facts | off, evidence)
 
 
 def _scene(rng: Generator, kind: Kind, name: str, rig: Rig, distance: float) -> Scene:

@@ -6,12 +6,13 @@
 
 A pose is wrong when it is more than 5 of its own sigma and more than 0.2 deg off, in rotation or direction of t.
 Columns: `lens` how many answers call the lens checked / unchecked / changed; `sure` the wrong ones that call it
-checked or changed; `lazy` the unchecked ones whose points know both focal lengths to 1 %; `owed` of the lenses that
-the points know to be off by 6 sigma, how many were called changed or did no harm, and how many there were; `tell` of
-how many cases the points allow an answer inside the limits of `retrue` (Cramer-Rao), and `kept` the share of those
-that was answered and right; `NEES` mean normalised error squared of the five parameters (5 is honest); `z` the mean
-of (error / sigma)^2 of rotation and of direction of t (1 is honest); `<3s` the share with both within 3 sigma; then
-the medians of both errors and of the larger focal length's.
+checked or changed; `lazy` the unchecked ones whose points know both focal lengths to 1 %; `owed` the cases whose
+points contradict the lenses handed in by 6 sigma, and before it how many of them were called changed or answered
+right; `tell` of how many cases the points allow an answer inside the limits of `retrue` (Cramer-Rao), and `kept` the
+share of those that was answered and right; `NEES` mean normalised error squared of the five parameters (5 is honest);
+`z` the mean of (error / sigma)^2 of rotation and of direction of t (1 is honest), `e` of (error / bound)^2 (1 is
+efficient); `<3s` the share with both within 3 sigma; then the medians of both errors and of the larger focal
+length's.
 """
 
 from __future__ import annotations
@@ -72,13 +73,14 @@ def pose_row(outcomes: list[Outcome]) -> list[str]:
     given = [o for o in outcomes if o.off is not None and o.sigma is not None]
     lens = Counter(o.lens for o in outcomes)
     sure = [o for o in outcomes if o.verdict == "wrong" and o.lens in ("checked", "changed")]
-    owed = [o for o in outcomes if o.lens_fault > LENS_SIGMAS]
+    owed = [o for o in outcomes if o.at_best and o.at_best.against > LENS_SIGMAS]
     paid = [o for o in owed if o.lens == "changed" or o.verdict in ANSWERED or "FocalLengthChanged" in o.reason]
     lazy = [o for o in outcomes if o.lens == "unchecked" and o.at_best and (o.at_best.lens[:, 0] < KNOWN_FOCAL).all()]
     tell = [o for o in outcomes if within_limits(o)]
     kept = [o for o in tell if o.verdict in ANSWERED]
     with np.errstate(all="ignore"):
-        z = np.array([(o.off / o.sigma) for o in given]).reshape(-1, 2)  # type: ignore[operator]
+        z = np.array([o.off / o.sigma for o in given]).reshape(-1, 2)  # type: ignore[operator]
+        best = np.array([o.off / o.at_best.pose for o in given]).reshape(-1, 2)  # type: ignore[operator, union-attr]
     return [
         *(str(verdicts[v]) for v in ("accepted", "wrong", "unchanged", "refused", "error")),
         "/".join(str(lens[v]) for v in ("checked", "unchecked", "changed")),
@@ -89,6 +91,7 @@ def pose_row(outcomes: list[Outcome]) -> list[str]:
         f"{100 * len(kept) / len(tell):.0f}%" if tell else "-",
         mean([o.nees for o in given]),
         mean(z[:, 0] ** 2) + " " + mean(z[:, 1] ** 2),
+        mean(best[:, 0] ** 2) + " " + mean(best[:, 1] ** 2),
         f"{100 * np.mean((z < 3).all(axis=1)):.0f}%" if len(z) else "-",
         mean([o.off[0] for o in given], "{:.3f}", np.median),  # type: ignore[index]
         mean([o.off[1] for o in given], "{:.3f}", np.median),  # type: ignore[index]
@@ -110,31 +113,25 @@ def word_row(words: Sequence[str], outcomes: list[Outcome]) -> list[str]:
     ]
 
 
-POSE_HEAD = [
-    "accept",
-    "wrong",
-    "unchg",
-    "refuse",
-    "error",
-    "lens",
-    "sure",
-    "lazy",
-    "owed",
-    "tell",
-    "kept",
-    "NEES",
-    "z",
-    "<3s",
-]
-POSE_HEAD += ["rot", "t", "focal", "ms"]
-POSE_WIDTH = [7, 6, 6, 7, 6, 10, 5, 5, 8, 5, 5, 8, 13, 6, 7, 7, 8, 6]
+POSE_COLUMNS = {
+    "accept": 7,
+    "wrong": 6,
+    "unchg": 6,
+    "refuse": 7,
+    "error": 6,
+    "lens": 9,
+    "sure": 5,
+    "lazy": 5,
+    "owed": 7,
+}
+POSE_COLUMNS |= {"tell": 5, "kept": 5, "NEES": 7, "z": 13, "e": 13, "<3s": 6, "rot": 7, "t": 7, "focal": 7, "ms": 6}
 WORDS = {"verify": ("good", "drifted", "unknown"), "reconstruct": ("written", "refused")}
 
 
 def table(job: str) -> tuple[list[str], list[int]]:
     """Headings and widths."""
     if job == "recalibrate":
-        return POSE_HEAD, POSE_WIDTH
+        return list(POSE_COLUMNS), list(POSE_COLUMNS.values())
     head = [*WORDS[job], "error", "other", "d2 good", "best rot", "best t", "ms"]
     return head, [9] * len(head)
 

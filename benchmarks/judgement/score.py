@@ -30,7 +30,6 @@ class Outcome:
     nees : error^T C^-1 error of the five parameters, where the answer states C.
     focal_off : the larger relative error of the focal lengths that the answer leaves in the rig.
     at_best : what the matches allow (`bound`).
-    lens_fault : how far a lens is off, in sigma of a fit that leaves all lenses free; 0 where none is.
     """
 
     kind: str
@@ -43,7 +42,6 @@ class Outcome:
     nees: float | None = None
     focal_off: float | None = None
     at_best: Bound | None = None
-    lens_fault: float = 0.0
     seconds: float = 0.0
     facts: dict[str, Any] = field(default_factory=dict)
 
@@ -59,9 +57,8 @@ def ask(kind: str, seed: int, job: str, case: Case, settings: Mapping[str, Any])
     except Exception as error:  # the bench goes on; the row shows it
         answer = {"verdict": "error", "reason": f"{type(error).__name__}: {error}"}
     seconds = time.perf_counter() - start
-    best = bound(case.truths[0], case.captures, case.prior)
-    fault = max((abs(off) / best.of_lens(*name) for name, off in case.lens_faults.items()), default=0.0)
-    return Outcome(kind, seed, at_best=best, seconds=seconds, lens_fault=fault, **{"facts": case.facts, **answer})
+    best = bound(case.truths[0], case.captures, case.prior, case.told)
+    return Outcome(kind, seed, at_best=best, seconds=seconds, **{"facts": case.facts, **answer})
 
 
 def options(prior: Prior, settings: Mapping[str, Any]) -> retrue.RecalibrateOptions:
