@@ -109,36 +109,41 @@ def _information(rig: Rig, capture: Capture) -> Array:
     rows = rows[:: max(1, round(len(rows) / MOST_POINTS))]
     points, labels, flat = capture.points[rows] / length, capture.labels[rows], capture.flat[rows]
     camera_px, projector_px = rig.camera.project(points), rig.projector.project(rig.in_projector(points))
+    pieces, piece = np.unique(labels, return_inverse=True)
+    enough = np.bincount(piece, minlength=len(pieces)) >= FEWEST_ON_A_PLANE * len(rows) / len(capture)
+    flat = flat & enough[piece]
     total = np.zeros((size, size))
-    free = ~flat
-    for label in np.unique(labels[flat]):
-        mine = labels == label
-        if np.count_nonzero(mine) < FEWEST_ON_A_PLANE * len(rows) / max(len(capture), 1):
-            free |= mine
-            continue
-        normal = capture.normals[rows][mine][0]
-        total += _plane_information(rig, camera_px[mine], normal / (normal @ points[mine][0]))
-    if free.any():
-        total += _free_information(rig, camera_px[free], projector_px[free])
+    if flat.any():
+        normals = capture.normals[rows][flat]
+        n = normals / (normals * points[flat]).sum(axis=1, keepdims=True)
+        total += _plane_information(rig, camera_px[flat], n, piece[flat])
+    if not flat.all():
+        total += _free_information(rig, camera_px[~flat], projector_px[~flat])
     return total * weight
 
 
-def _plane_information(rig: Rig, camera_px: Array, n: Array) -> Array:
+def _plane_information(rig: Rig, camera_px: Array, n: Array, piece: Array) -> Array:
+    """Of points on planes n (N, 3), n . X = 1, each point with that of its piece; the planes taken out."""
+
     def transfer(rig: Rig, camera_px: Array, n: Array) -> Array:
         rays = rig.camera.rays(camera_px)
-        return rig.projector.project(rig.in_projector(rays / (rays @ n)[:, None]))
+        return rig.projector.project(rig.in_projector(rays / (rays * n).sum(axis=1, keepdims=True)))
 
     by_rig = _slopes(rig, lambda changed: transfer(changed, camera_px, n))  # (13, N, 2)
-    small = 1e-6 * np.linalg.norm(n)
-    by_plane = [(transfer(rig, camera_px, n + d) - transfer(rig, camera_px, n - d)) / 2e-6 for d in small * np.eye(3)]
+    small = 1e-6 * np.linalg.norm(n, axis=1, keepdims=True)
+    by_plane = [transfer(rig, camera_px, n + small * d) - transfer(rig, camera_px, n - small * d) for d in np.eye(3)]
     h = 1e-3
     by_pixel = [(transfer(rig, camera_px + d, n) - transfer(rig, camera_px - d, n)) / (2 * h) for d in h * np.eye(2)]
     whiten = np.linalg.inv(np.stack(by_pixel, axis=2))  # camera pixels per projector pixel, (N, 2, 2)
-    J = np.einsum("nij,knj->kni", whiten, np.concatenate([by_rig, by_plane])).reshape(len(by_rig) + 3, -1)
-    J = J[:, np.isfinite(J).all(axis=0)]
-    A = J @ J.T
+    J = np.einsum("nij,knj->kni", whiten, np.concatenate([by_rig, np.array(by_plane) / 2e-6]))
+    J[:, ~np.isfinite(J).all(axis=(0, 2))] = 0
     m = len(by_rig)
-    return A[:m, :m] - A[:m, m:] @ np.linalg.pinv(A[m:, m:]) @ A[m:, :m]
+    total = np.zeros((m, m))
+    for one in np.unique(piece):
+        mine = J[:, piece == one].reshape(len(J), -1)
+        A = mine @ mine.T
+        total += A[:m, :m] - A[:m, m:] @ np.linalg.pinv(A[m:, m:]) @ A[m:, :m]
+    return total
 
 
 def _free_information(rig: Rig, camera_px: Array, projector_px: Array) -> Array:

@@ -32,17 +32,14 @@ def seen(rng: Generator, name: str) -> tuple[Rig, Scene, Capture]:
 
 
 def epipolar_miss(rig: Rig, taken: Capture) -> float:
-    """By how many projector pixels the truth misses the matches: y against the line of x, in the bent picture.
-
-    The point is found again from the two rays alone, and projected.
-    """
+    """By how many projector pixels the truth misses its matches: points from the two rays alone, projected again."""
     x, y = rig.camera.rays(taken.camera_px), rig.projector.rays(taken.projector_px) @ rig.R
-    miss = []
+    found = []
     for a, b in zip(x, y, strict=True):  # a s = place + b r
         s, _ = np.linalg.lstsq(np.stack([a, -b], axis=1), rig.place, rcond=None)[0]
-        miss.append(a * s)
-    found = rig.projector.project(rig.in_projector(np.array(miss)))
-    return float(np.abs(found - taken.projector_px).max())
+        found.append(a * s)
+    again = rig.projector.project(rig.in_projector(np.array(found)))
+    return float(np.abs(again - taken.projector_px).max())
 
 
 def textbook_pixels(rig: Rig, points: Array) -> Array:
@@ -118,11 +115,8 @@ def errors(rng: Generator) -> float:
     return worst
 
 
-def estimator_reaches_bound(rng: Generator) -> float:
-    """NEES / 5 of a plain Gauss-Newton estimator of its own on one plane, in the covariance of `bound`'s information.
-
-    Only the trace of the bound is public, so what is compared is error^2 / bound^2 of rotation and direction of t.
-    """
+def estimator_reaches_bound(rng: Generator) -> tuple[float, float]:
+    """Median and mean of error^2 / bound^2 of a plain Gauss-Newton estimator of its own, without planes."""
     exact = PRIORS["exact"]
     ratio = []
     while len(ratio) < 60:
@@ -138,7 +132,7 @@ def estimator_reaches_bound(rng: Generator) -> float:
         error = pose_error(R, t, rig)
         off = np.degrees([np.linalg.norm(error[:3]), np.linalg.norm(error[3:])])
         ratio.append((off / best.pose) ** 2)
-    return float(np.median(ratio)), float(np.mean(ratio))  # type: ignore[return-value]
+    return float(np.median(ratio)), float(np.mean(ratio))
 
 
 def epipolar_fit(rig: Rig, taken: Capture) -> tuple[Array, Array]:
@@ -183,7 +177,7 @@ def main() -> None:
         if any(isinstance(surface, Relief) for _, scene, _ in made for surface in scene.surfaces):
             off = max(np.abs(_heights(scene, taken)).max() for _, scene, taken in made)
             law(f"{name}: points lie on the relief", float(off), 1e-9)
-    middle, average = estimator_reaches_bound(rng)  # type: ignore[misc]
+    middle, average = estimator_reaches_bound(rng)
     law("bound: mean of error^2 / bound^2 is 1", abs(average - 1), 0.35)
     law("bound: median of error^2 / bound^2", middle, 1.0)
     start, count = time.perf_counter(), 0

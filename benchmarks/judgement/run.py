@@ -37,12 +37,11 @@ import numpy as np
 
 import retrue
 
-from .kinds import GROUPS, KINDS, draw
+from .kinds import GROUPS, KINDS, Kind, draw
 from .lens import PRIORS
 from .score import Outcome, ask
 
 ANSWERED = ("accepted", "unchanged")
-FAILURES = ("wrong", "error", "refused", "unknown")
 KNOWN_FOCAL = 0.01
 LENS_SIGMAS = 6.0
 
@@ -50,6 +49,14 @@ LENS_SIGMAS = 6.0
 def trial(name: str, prior: str, old: float | None, settings: Mapping[str, Any], seed: int) -> Outcome:
     """One case, drawn and judged."""
     return ask(name, seed, KINDS[name].job, draw(name, seed, prior, old), settings)
+
+
+def failed(kind: Kind, outcome: Outcome) -> bool:
+    """Whether a reader wants to see the case again: no answer, a wrong one, or the wrong word."""
+    if kind.job == "recalibrate":
+        return outcome.verdict not in ANSWERED
+    words = {"verify": ("good", "drifted"), "reconstruct": ("written", "refused")}[kind.job]
+    return outcome.verdict != words[bool(kind.drift or kind.mislead or kind.spoil)]
 
 
 def within_limits(outcome: Outcome) -> bool:
@@ -183,9 +190,7 @@ def main() -> None:
     parser.add_argument("--prior", choices=list(PRIORS), default="foreign", help="how well the lenses were calibrated")
     parser.add_argument("--old", type=float, help="how far the old pose is off, at most, in degrees")
     parser.add_argument("--reasons", action="store_true")
-    parser.add_argument(
-        "--dump", type=Path, metavar="FILE", help="write what was wrong or refused, a line of JSON each"
-    )
+    parser.add_argument("--dump", type=Path, metavar="FILE", help="append what failed, a line of JSON each")
     parser.add_argument("--only", type=int, metavar="SEED", help="replay one case of one kind, and print all of it")
     parser.add_argument("--list", action="store_true", help="print the kinds of each group")
     parser.add_argument(
@@ -227,7 +232,7 @@ def main() -> None:
             if arguments.dump:
                 with arguments.dump.open("a", encoding="utf-8") as file:
                     for outcome in outcomes:
-                        if outcome.verdict in FAILURES:
+                        if failed(KINDS[name], outcome):
                             file.write(json.dumps(dataclasses.asdict(outcome), default=plain) + "\n")
 
 
