@@ -14,7 +14,7 @@ from .bound import bound
 from .capture import Capture, Noise, capture
 from .kinds import KINDS, draw
 from .lens import PRIORS, Array, Generator
-from .light import irradiance
+from .light import Paint, irradiance, radiance
 from .rig import Rig, moved, pose_error, random_rig, turn, turn_vector
 from .scene import SCENES, Relief, Scene
 
@@ -73,6 +73,21 @@ def light_miss(rng: Generator, rig: Rig, scene: Scene, taken: Capture) -> float:
     area = 0.5 * np.linalg.norm(np.cross(c - a, d - b), axis=1) / (2 * h) ** 2
     error = irradiance(rig, taken.points, taken.normals) * area - 1
     return float(np.nanmedian(np.abs(error)))
+
+
+def wall_light_miss(rng: Generator) -> float:
+    """Light on a wall against 3 log(n . r) - 3 log cos(alpha) + 4 log cos(camera): what is left but a constant."""
+    while True:
+        rig, _, taken = seen(rng, "wall")
+        if not any(rig.projector.bend):
+            break
+    points = rig.in_projector(taken.points)
+    normal = np.linalg.svd(points - points.mean(axis=0))[2][2]
+    rays = points / np.linalg.norm(points, axis=1, keepdims=True)
+    said = 3 * np.log(np.abs(rays @ normal) / rays[:, 2])
+    said += 4 * np.log(taken.points[:, 2] / np.linalg.norm(taken.points, axis=1))
+    left = np.log(radiance(rng, rig, taken, Paint())) - said
+    return float(np.ptp(left))
 
 
 def normal_miss(rig: Rig, scene: Scene, taken: Capture) -> float:
@@ -177,6 +192,7 @@ def main() -> None:
         if any(isinstance(surface, Relief) for _, scene, _ in made for surface in scene.surfaces):
             off = max(np.abs(_heights(scene, taken)).max() for _, scene, taken in made)
             law(f"{name}: points lie on the relief", float(off), 1e-9)
+    law("light on a wall: the closed form", max(wall_light_miss(rng) for _ in range(6)), 1e-9)
     middle, average = estimator_reaches_bound(rng)
     law("bound: mean of error^2 / bound^2 is 1", abs(average - 1), 0.35)
     law("bound: median of error^2 / bound^2", middle, 1.0)
