@@ -181,7 +181,9 @@ def show_reasons(outcomes: list[Outcome]) -> None:
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--kind", default="all", help=f"a kind, or a group: {', '.join(GROUPS)}; commas between some")
+    parser.add_argument(
+        "--kind", default="all", help=f"a kind, or a group: {', '.join(GROUPS)}; semicolons between some"
+    )
     parser.add_argument("--trials", type=int, default=100)
     parser.add_argument(
         "--seed", type=int, default=0, help="the trials of a kind have seeds from 1000000 times this on"
@@ -202,12 +204,11 @@ def main() -> None:
         for group, kinds in GROUPS.items():
             print(f"{group}: {'; '.join(kinds)}")
         return
-    if arguments.kind in KINDS:
-        names = [arguments.kind]
-    elif arguments.kind in GROUPS:
-        names = list(GROUPS[arguments.kind])
-    else:
-        parser.error(f"--kind: expected a name that --list prints, found {arguments.kind!r}")
+    names: list[str] = []
+    for asked in arguments.kind.split(";"):
+        if asked.strip() not in KINDS and asked.strip() not in GROUPS:
+            parser.error(f"--kind: expected names that --list prints, found {asked.strip()!r}")
+        names += GROUPS.get(asked.strip(), [asked.strip()])
     if arguments.only is not None:
         for name in names:
             outcome = trial(name, arguments.prior, arguments.old, settings, arguments.only)
