@@ -131,7 +131,7 @@ POSE_COLUMNS = {
     "lazy": 5,
     "owed": 7,
 }
-POSE_COLUMNS |= {"tell": 5, "kept": 5, "NEES": 7, "z": 13, "e": 13, "<3s": 6, "rot": 7, "t": 7, "focal": 7, "ms": 6}
+POSE_COLUMNS |= {"tell": 5, "kept": 5, "NEES": 7, "z": 15, "e": 15, "<3s": 6, "rot": 7, "t": 7, "focal": 7, "ms": 6}
 WORDS = {"verify": ("good", "drifted", "unknown"), "reconstruct": ("written", "refused")}
 
 
