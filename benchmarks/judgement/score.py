@@ -1,0 +1,135 @@
+"""Ask `retrue` about one case, and hold its answer against the truth."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+
+import retrue
+
+from .bound import Bound, bound
+from .kinds import Case
+from .lens import Array, Prior
+from .rig import Rig, pose_error
+
+WRONG_SIGMAS, WRONG_DEG = 5.0, 0.2
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """One answer.
+
+    Attributes
+    ----------
+    verdict : accepted, wrong, unchanged, refused or error; good, drifted, unknown; written, refused.
+    off, sigma : degrees, of rotation and of the direction of t.
+    nees : error^T C^-1 error of the five parameters, where the answer states C.
+    focal_off : the larger relative error of the focal lengths that the answer leaves in the rig.
+    at_best : what the matches allow (`bound`).
+    """
+
+    kind: str
+    seed: int
+    verdict: str
+    reason: str = ""
+    lens: str = ""
+    off: Array | None = None
+    sigma: Array | None = None
+    nees: float | None = None
+    focal_off: float | None = None
+    at_best: Bound | None = None
+    seconds: float = 0.0
+    facts: dict[str, Any] = field(default_factory=dict)
+
+
+def ask(kind: str, seed: int, job: str, case: Case, settings: Mapping[str, Any]) -> Outcome:
+    """The outcome of one case; an exception is an "error". `settings` are fields of RecalibrateOptions."""
+    start = time.perf_counter()
+    captures = [capture.public() for capture in case.captures]
+    rig = case.told.public(case.evidence)
+    try:
+        judge = {"recalibrate": _recalibrate, "verify": _verify, "reconstruct": _reconstruct}[job]
+        answer = judge(rig, captures, case, options(case.prior, settings))
+    except Exception as error:  # the bench goes on; the row shows it
+        answer = {"verdict": "error", "reason": f"{type(error).__name__}: {error}"}
+    seconds = time.perf_counter() - start
+    best = bound(case.truths[0], case.captures, case.prior, case.told)
+    return Outcome(kind, seed, at_best=best, seconds=seconds, **{"facts": case.facts, **answer})
+
+
+def options(prior: Prior, settings: Mapping[str, Any]) -> retrue.RecalibrateOptions:
+    """As sure of the lenses as their calibration is, where that is an option."""
+    stated = {"focal_sigma": max(prior.focal, 1e-6), "principal_point_sigma_px": max(prior.centre_px, 1e-4)}
+    known = retrue.RecalibrateOptions.__dataclass_fields__
+    return retrue.RecalibrateOptions(**{n: v for n, v in stated.items() if n in known} | dict(settings))
+
+
+def _recalibrate(
+    rig: retrue.Rig, captures: list[retrue.Correspondences], case: Case, limits: retrue.RecalibrateOptions
+) -> dict[str, Any]:
+    result = retrue.recalibrate(rig, captures, limits)
+    evidence = result.evidence
+    lens = _lens_answer(getattr(evidence, "lens", None))
+    if isinstance(result, retrue.Refused):
+        return {"verdict": "refused", "reason": f"{result.cause.name}: {result.reason}", "lens": lens}
+    found, sigma = result.rig.projector_from_camera, evidence.sigma
+    errors = [pose_error(found.R, found.t, truth) for truth in case.truths]
+    error = min(errors, key=lambda e: float(np.abs(e).max()))
+    off = np.degrees([np.linalg.norm(error[:3]), np.linalg.norm(error[3:])])
+    stated = np.array([sigma.rotation_deg, sigma.translation_deg]) if sigma else np.zeros(2)
+    words = (type(result).__name__.lower(), str(getattr(result, "verdict", "")))
+    verdict = "unchanged" if "unchanged" in words or getattr(result, "unchanged", False) else "accepted"
+    if not ((off <= WRONG_DEG) | (off <= WRONG_SIGMAS * stated)).all():
+        verdict = "wrong"
+    covariance = evidence.details.get("covariance_total")
+    nees = None if covariance is None else float(error @ np.linalg.solve(np.array(covariance, dtype=float), error))
+    return {
+        "verdict": verdict,
+        "reason": result.reason,
+        "lens": lens,
+        "off": off,
+        "sigma": stated,
+        "nees": nees,
+        "focal_off": _focal_error(result.rig, case.truths[0]),
+    }
+
+
+def _lens_answer(lens: Any) -> str:
+    if lens is None or isinstance(lens, str):
+        return lens or ""
+    named = (getattr(lens, name) for name in ("verdict", "state", "status", "answer") if hasattr(lens, name))
+    return str(next(named, type(lens).__name__)).lower()
+
+
+def _focal_error(rig: retrue.Rig, truth: Rig) -> float:
+    pairs = ((rig.camera, truth.camera), (rig.projector, truth.projector))
+    return max(abs(float(found.K[0, 0]) / float(true.focal[0]) - 1) for found, true in pairs)
+
+
+def _verify(
+    rig: retrue.Rig, captures: list[retrue.Correspondences], case: Case, limits: retrue.RecalibrateOptions
+) -> dict[str, Any]:
+    result = retrue.verify(rig, captures, retrue.VerifyOptions(estimate=limits))
+    sigma = result.sigma
+    stated = np.array([sigma.rotation_deg, sigma.translation_deg]) if sigma else None
+    reason = f"{result.cause.name}: {result.reason}" if result.cause else result.reason
+    return {"verdict": result.verdict, "reason": reason, "sigma": stated, "nees": (result.drift_sigmas or np.nan) ** 2}
+
+
+def _reconstruct(
+    rig: retrue.Rig, captures: list[retrue.Correspondences], case: Case, _: retrue.RecalibrateOptions
+) -> dict[str, Any]:
+    try:
+        cloud = retrue.reconstruct(rig, captures[0])
+    except retrue.RetrueError as error:
+        return {"verdict": "refused", "reason": str(error)}
+    taken = case.captures[0]
+    true = {tuple(pixel): point for pixel, point in zip(taken.camera_px, taken.points, strict=True)}
+    there = np.array([true[tuple(pixel)] for pixel in cloud.camera_px])
+    miss = np.linalg.norm(cloud.points - there, axis=1) / np.linalg.norm(there, axis=1)
+    facts = case.facts | {"cloud_miss": float(np.median(miss)), "epipolar_rms_px": cloud.card["epipolar_rms_px"]}
+    return {"verdict": "written", "reason": "", "facts": facts}
