@@ -71,7 +71,7 @@ def test_the_solvers_are_one_function_of_the_homography() -> None:
 
 def test_we_reach_the_bound_and_say_so_honestly() -> None:
     cells = [Cell(SETUPS[0], 400, 0.3, 0.0), Cell(SETUPS[2], 50, 0.1, 0.0)]
-    trials = 50
+    trials = 100
     table = peers(trials, seed=3, cells=cells, ours_only=True, workers=1).table
     assert set(table.column("bound")) - {"not installed"} == {"holds"}
     for name in ("retrue fit_homography", "retrue fit_homography_robust", WHOLE_JOB):
@@ -109,7 +109,7 @@ def test_no_twin_is_accepted_for_the_truth() -> None:
         TwinCell("second plane", second_plane_deg=45.0),
         TwinCell("old direction of t", drift_deg=10.0),
     ]
-    table = twin(20, seed=5, cells=cells, workers=1).table
+    table = twin(40, seed=5, cells=cells, workers=1).table
     assert (numbers(table, "wrong") == 0).all()
     accepted = numbers(table, "accepted_%")
     assert (accepted[[0, 2, 3]] > 85).all()
