@@ -66,7 +66,7 @@ def check_extent(rig: Rig, points: Correspondences, name: str | Path = "points")
         raise CaptureError(
             name,
             f"{100 * outside:.0f} % of the points lie outside the rig's picture, {_text(rig.camera.size)}: "
-            "of a picture of another size; take it as for the calibration, or calibrate again",
+            "of a picture of another size, or undistorted; give pixels as the camera took them, or calibrate again",
         )
 
 
