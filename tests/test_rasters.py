@@ -64,8 +64,8 @@ def test_a_cloud_asks_too():
 
 @pytest.mark.parametrize(
     ("places", "outside"),
-    [([-0.5, 1279.5], 0), ([-0.6, *[5.0] * 98], 1), ([-0.6, *[5.0] * 99], 0), ([1279.6], 1)],
-    ids=["edges", "more than one in a hundred", "one in a hundred", "far side"],
+    [([-0.5, 1279.5], 0), ([1279.6, *[5.0] * 98], 1), ([1279.6, *[5.0] * 99], 0), ([-0.6, *[1279.6] * 9], 0)],
+    ids=["edges", "more than one in a hundred", "one in a hundred", "undistorted: on both sides"],
 )
 def test_points_that_tell_no_size_are_asked_where_they_lie(places, outside):
     camera_px = np.column_stack([places, np.full(len(places), 9.0)])
@@ -74,5 +74,5 @@ def test_points_that_tell_no_size_are_asked_where_they_lie(places, outside):
     if not outside:
         check_extent(RIG, points, "points.csv")
         return
-    with pytest.raises(CaptureError, match=r"points\.csv: .* lie outside the rig's picture, 1280 x 960"):
+    with pytest.raises(CaptureError, match=r"points\.csv: .* lie beyond the last pixel of .* 1280 x 960"):
         check_extent(RIG, points, "points.csv")

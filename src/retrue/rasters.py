@@ -16,7 +16,7 @@ Size = tuple[int, int]
 
 MOST_BINNED = 8
 MOST_OUTSIDE = 0.01
-"""Share of the points that may lie outside the rig's picture where nobody said of which one they are."""
+"""Share of the points that may lie beyond the rig's picture where nobody said of which one they are."""
 
 
 def check_captures(rig: Rig, captures: Sequence[Correspondences]) -> None:
@@ -53,20 +53,24 @@ def check_rasters(rig: Rig, points: Correspondences, name: str | Path = "points"
 
 
 def check_extent(rig: Rig, points: Correspondences, name: str | Path = "points") -> None:
-    """A `CaptureError` where points that do not say their camera's raster lie outside the rig's, more than 1 % of them.
+    """A `CaptureError` where points that do not say their raster can only be of a larger picture than the rig's.
 
-    For what comes from a file. The picture reaches half a pixel beyond the centres of its pixels.
+    For what comes from a file. Pixels count from 0, so that a larger picture puts points beyond the last pixel of the
+    rig's, and none before the first; undistorted points leave it on every side, and no larger picture explains them.
+    The picture reaches half a pixel beyond the centres of its pixels.
     """
     if points.camera_size is not None or not len(points):
         return
-    size = np.array(rig.camera.size)
-    beyond = np.abs(points.camera_px - (size - 1) / 2) > size / 2
+    if bool(np.any(points.camera_px < -0.5)):
+        return
+    beyond = points.camera_px > np.array(rig.camera.size) - 0.5
     outside = float(np.mean(beyond[:, 0] | beyond[:, 1]))
     if not outside <= MOST_OUTSIDE:
         raise CaptureError(
             name,
-            f"{100 * outside:.0f} % of the points lie outside the rig's picture, {_text(rig.camera.size)}: "
-            "of a picture of another size, or undistorted; give pixels as the camera took them, or calibrate again",
+            f"{100 * outside:.0f} % of the points lie beyond the last pixel of the rig's picture, "
+            f"{_text(rig.camera.size)}, and none before its first: of a picture of another size; "
+            "take it as for the calibration, or calibrate again",
         )
 
 

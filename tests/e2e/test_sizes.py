@@ -89,7 +89,7 @@ def test_points_that_tell_nothing_and_lie_outside(retrue, files, job):
     points = wall_and_box()
     write_points(files.points, replace(points, camera_px=2 * points.camera_px))
     run = refused(retrue, files, job, files.points)
-    run.require_complaint("points.csv: ", "lie outside the rig's picture, 1280 x 960: of a picture of another size")
+    run.require_complaint("points.csv: ", "lie beyond the last pixel of the rig's picture, 1280 x 960, and none before")
 
 
 def test_boards_of_two_sizes(retrue, files, pattern):
