@@ -43,7 +43,7 @@ format: .venv/dev.stamp
 	$(BIN)/ruff format .
 
 lock: .venv/dev.stamp
-	$(COMPILE) pyproject.toml -o requirements.lock
+	$(COMPILE) pyproject.toml --extra plot -o requirements.lock
 	$(COMPILE) pyproject.toml --group dev -c requirements.lock -o requirements-dev.lock
 
 # Into dist: for Linux from glibc 2.17 on, by Zig; the one for this machine is tried in an environment of its own.

@@ -174,6 +174,36 @@ def test_demo_speaks_plainly(retrue, tmp_path):
     assert "{" not in run.out
 
 
+@pytest.fixture
+def no_matplotlib(monkeypatch):
+    """As after `pip install retrue`, without the extra."""
+    for name in [name for name in sys.modules if name.partition(".")[0] == "matplotlib"]:
+        monkeypatch.delitem(sys.modules, name)
+    monkeypatch.setitem(sys.modules, "matplotlib", None)
+
+
+def test_without_matplotlib_the_demo_leaves_its_page_and_says_what_draws_pictures(retrue, tmp_path, no_matplotlib):
+    run = retrue("demo", "--out", tmp_path / "out")
+    assert run.status == 0
+    assert names(tmp_path / "out") == ["cloud.ply", "mesh.ply", "report.html", "rig.json"]
+    assert "pip install 'retrue[plot]'" in run.out
+    assert "and pictures" not in run.out
+
+
+@pytest.mark.parametrize(
+    ("arguments", "what"),
+    [
+        (("decode", DEMO / "scene.jpg", "--pattern", DEMO / "pattern.json", "--debug", "seen", "--out"), "--debug"),
+        (("history", DEMO / "rig_true.json", "--plot"), "--plot"),
+        (("experiment", "noise", "--out"), "experiment"),
+    ],
+)
+def test_what_draws_names_the_extra_before_any_work(retrue, tmp_path, no_matplotlib, arguments, what):
+    run = retrue(*arguments, tmp_path / "out")
+    run.require_complaint(f"{what}: ", "pip install 'retrue[plot]'")
+    assert not (tmp_path / "out").exists()
+
+
 def test_options_reach_the_job(retrue, files):
     out = files.folder / "new.json"
     run = retrue("recalibrate", files.before, files.points, "--out", out, "--max-points", 100, "--json")

@@ -42,7 +42,8 @@ class Decode(Command):
     out
         The CSV to write: camera_x,camera_y,projector_x,projector_y and what else is known.
     debug
-        Folder for pictures of what the decoder of a colour grid saw: blocks, links, colours, decoded, rejected.
+        Folder for pictures of what the decoder of a colour grid saw: blocks, links, colours, decoded, rejected; needs
+        `pip install 'retrue[plot]'`.
     """
 
     capture: CapturePath
@@ -55,6 +56,10 @@ class Decode(Command):
         from retrue.plain_json import plain
 
         require_writable(self.out)
+        if self.debug is not None:
+            from retrue.report.pictures import require_matplotlib
+
+            require_matplotlib("--debug")
         pattern = shown_pattern(self.pattern)
         start = time.perf_counter()
         (capture,) = read_captures([self.capture], pattern, keep_photographs=self.debug is not None)

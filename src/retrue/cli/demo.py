@@ -26,7 +26,8 @@ class Demo(ReportingCommand):
     Attributes
     ----------
     out
-        Folder for the new rig, the cloud, the mesh, pictures and report.html; made where it is not there.
+        Folder for the new rig, the cloud, the mesh and report.html, and pictures where the extra retrue[plot] is
+        installed; made where it is not there.
     """
 
     out: Path = Path("demo-out")
@@ -98,7 +99,7 @@ def _reconstruct(folder: Path, image: Image, points: Correspondences, before: Ri
     from retrue.files.rigs import write_rig
     from retrue.reconstruction.mesh import make_mesh
     from retrue.reconstruction.reconstruct import epipolar_residuals, reconstruct
-    from retrue.report.pictures import cloud_picture, residual_picture
+    from retrue.report.pictures import cloud_picture, has_matplotlib, residual_picture
 
     cloud = reconstruct(after, points)
     mesh = make_mesh(cloud)
@@ -106,12 +107,13 @@ def _reconstruct(folder: Path, image: Image, points: Correspondences, before: Ri
     write_rig(folder / "rig.json", after)
     write_cloud(folder / "cloud.ply", cloud)
     write_mesh(folder / "mesh.ply", mesh)
-    pictures = {
-        "residuals.png": residual_picture(
-            image, points, [(f"{when} recalibration", residual) for when, residual in residuals.items()]
-        ),
-        "cloud.png": cloud_picture(cloud, after),
-    }
+    pictures: dict[str, bytes] = {}
+    if has_matplotlib():
+        titled = [(f"{when} recalibration", residual) for when, residual in residuals.items()]
+        pictures = {
+            "residuals.png": residual_picture(image, points, titled),
+            "cloud.png": cloud_picture(cloud, after),
+        }
     for name, picture in pictures.items():
         with replaced_file(folder / name) as stream:
             stream.write(picture)
@@ -137,6 +139,9 @@ def _distance(pose: RigidTransform, true: RigidTransform) -> dict[str, float]:
 def _story(folder: Path, report: dict[str, Any]) -> str:
     before, after = report["error_before"], report["error_after"]
     median = report["epipolar_median_px"]
+    beside = "cloud.ply, mesh.ply and pictures lie beside it."
+    if not any(name.endswith(".png") for name in report["files"]):
+        beside = "cloud.ply and mesh.ply lie beside it.\nFor pictures too: pip install 'retrue[plot]'"
     return f"""\
 Decoded {report["correspondences"]} correspondences from one picture in {report["decode_seconds"]:.2f} s.
 Recalibrated in {report["recalibrate_seconds"]:.2f} s: {report["reason"]}
@@ -145,4 +150,4 @@ Distance from the true pose, rotation and direction of t:
   {before["rotation_deg"]:.2f} deg and {before["translation_deg"]:.2f} deg before,
   {after["rotation_deg"]:.3f} deg and {after["translation_deg"]:.3f} deg after.
 Reconstructed {report["points"]} points and {report["faces"]} faces.
-Open {folder}/report.html in a browser to see it all; cloud.ply, mesh.ply and pictures lie beside it."""
+Open {folder}/report.html in a browser to see it all; {beside}"""

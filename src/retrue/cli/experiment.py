@@ -20,7 +20,7 @@ Name = Literal["ambiguity", "noise", "peers", "twin", "real"]
 
 @dataclass(frozen=True, kw_only=True)
 class Experiment(Command):
-    """Rerun an experiment: a table to stdout, and its CSV and figure (SVG, PNG) to a folder.
+    """Rerun an experiment: a table to stdout, its CSV and figure (SVG, PNG) to a folder; needs the extra retrue[plot].
 
     Attributes
     ----------
@@ -59,7 +59,9 @@ class Experiment(Command):
     def run(self) -> Outcome:
         from retrue.files.atomic import replaced_file
         from retrue.report.charts import line_charts
+        from retrue.report.pictures import require_matplotlib
 
+        require_matplotlib("experiment")
         for name, value in (("trials", self.trials), ("workers", self.workers)):
             if value is not None and not value >= 1:
                 raise InputError(f"--{name}: expected at least 1, found {value}")

@@ -25,7 +25,7 @@ class History(Command):
     rig
         The rig file.
     plot
-        A PNG to draw the drift over time into.
+        A PNG to draw the drift over time into; needs `pip install 'retrue[plot]'`.
     """
 
     rig: RigPath
@@ -38,6 +38,10 @@ class History(Command):
         from retrue.rig_difference import rig_difference
 
         require_writable(self.plot)
+        if self.plot is not None:
+            from retrue.report.pictures import require_matplotlib
+
+            require_matplotlib("--plot")
         rig = read_rig(self.rig)
         entries = read_history(self.rig)
         if not entries:

@@ -6,6 +6,8 @@ import io
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any, Protocol, cast
 
+from retrue.report.pictures import blank_figure, require_matplotlib
+
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
@@ -46,6 +48,7 @@ class PanelLike(Protocol):
 
 def line_charts(panels: Sequence[PanelLike]) -> dict[str, bytes]:
     """The panels side by side, under "svg" and "png"; the same panels give the same bytes."""
+    require_matplotlib("charts")
     import matplotlib
 
     with cast("Any", matplotlib).rc_context({"svg.hashsalt": "retrue", "svg.fonttype": "none"}):
@@ -54,11 +57,9 @@ def line_charts(panels: Sequence[PanelLike]) -> dict[str, bytes]:
 
 
 def _drawn(panels: Sequence[PanelLike]) -> Figure:
-    from matplotlib.figure import Figure
-
     columns = min(COLUMNS, len(panels))
     rows = -(-len(panels) // columns)
-    figure = Figure(figsize=(4.6 * columns, 3.6 * rows + 1.2), layout="constrained")
+    figure = blank_figure(4.6 * columns, 3.6 * rows + 1.2)
     axes: Any = figure.subplots(rows, columns, squeeze=False).ravel()
     labels = list(dict.fromkeys(line.label for panel in panels for line in panel.lines))
     shown: dict[str, Any] = {}

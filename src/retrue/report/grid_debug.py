@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import io
 from collections.abc import Callable
 from typing import TYPE_CHECKING, Any
 
@@ -10,12 +9,14 @@ import numpy as np
 
 from retrue.decoding.blocks.sight import GridSight, Verdict
 from retrue.geometry.arrays import FloatArray
+from retrue.report.pictures import blank_figure, png_bytes
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
 REASON_COLORS = ("tab:green", "tab:gray", "tab:orange", "tab:purple", "tab:red", "tab:blue")
-WIDTH = 14.0  # inches, at 100 dots each
+WIDTH = 14.0  # inches
+DOTS = 100  # an inch
 
 
 def grid_pictures(sight: GridSight) -> dict[str, bytes]:
@@ -103,17 +104,11 @@ def _centres(sight: GridSight) -> FloatArray:
 
 
 def _over_photograph(sight: GridSight, draw: Callable[[Any, GridSight], None]) -> bytes:
-    from matplotlib.backends.backend_agg import FigureCanvasAgg
-    from matplotlib.figure import Figure
-
     height, width = sight.picture.shape[:2]
-    figure = Figure(figsize=(WIDTH, WIDTH * height / width + 0.4), layout="constrained")
-    FigureCanvasAgg(figure)
+    figure = blank_figure(WIDTH, WIDTH * height / width + 0.4)
     axis: Any = figure.subplots()
     full = np.iinfo(sight.picture.dtype).max
     axis.imshow(sight.picture / full, alpha=0.5 if draw is not _draw_blocks else 1.0)
     axis.set_axis_off()
     draw(axis, sight)
-    stream = io.BytesIO()
-    figure.savefig(stream, format="png", dpi=100)
-    return stream.getvalue()
+    return png_bytes(figure, DOTS)

@@ -1,15 +1,17 @@
-"""Pictures of what was found, and of how a rig moved over time, as PNG bytes."""
+"""Pictures of what was found, and of how a rig moved over time, as PNG bytes; need the extra `retrue[plot]`."""
 
 from __future__ import annotations
 
 import io
 from collections.abc import Sequence
 from datetime import datetime
+from importlib.util import find_spec
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from retrue.correspondences import Correspondences
+from retrue.errors import InputError
 from retrue.geometry.arrays import FloatArray, Image
 from retrue.geometry.camera import Camera
 from retrue.geometry.transform import RigidTransform
@@ -30,6 +32,7 @@ def residual_picture(image: Image, points: Correspondences, residuals: Sequence[
     """The photograph once per (title, residuals (N,) in pixels), its points coloured by their size.
 
     All share one scale, from 0.03 px to 30 px in powers of ten, so that before and after can be compared by eye.
+    Raises `InputError` where matplotlib is not installed.
     """
     from matplotlib.colors import LogNorm
 
@@ -50,7 +53,10 @@ def residual_picture(image: Image, points: Correspondences, residuals: Sequence[
 
 
 def cloud_picture(cloud: Cloud, rig: Rig) -> bytes:
-    """The cloud from above and from the side, with the camera and the projector that made it."""
+    """The cloud from above and from the side, with the camera and the projector that made it.
+
+    Raises `InputError` where matplotlib is not installed.
+    """
     figure = blank_figure(12.0, 5.2)
     rows = every(len(cloud), MOST_SCATTERED)
     X, colors = cloud.points[rows], cloud.colors[rows] / 255
@@ -82,17 +88,29 @@ def _frustum(camera: Camera, camera_frame_from_device: RigidTransform, length: f
     return camera_frame_from_device.apply(np.array([centre, a, b, centre, c, d, centre, b, c, d, a]))
 
 
+def has_matplotlib() -> bool:
+    """Whether pictures can be drawn."""
+    return find_spec("matplotlib") is not None
+
+
+def require_matplotlib(what: str) -> None:
+    """An `InputError` that says what cannot be drawn and names the extra, where matplotlib is not installed."""
+    if not has_matplotlib():
+        raise InputError(f"{what}: drawn by matplotlib, which is not installed: pip install 'retrue[plot]'")
+
+
 def blank_figure(width: float, height: float) -> Figure:
     """A figure of that size in inches, on no screen."""
+    require_matplotlib("pictures")
     from matplotlib.figure import Figure
 
     return Figure(figsize=(width, height), layout="constrained")
 
 
-def png_bytes(figure: Figure) -> bytes:
+def png_bytes(figure: Figure, dpi: float = 110) -> bytes:
     """The figure as a PNG file."""
     stream = io.BytesIO()
-    figure.savefig(stream, format="png", dpi=110)
+    figure.savefig(stream, format="png", dpi=dpi)
     return stream.getvalue()
 
 
