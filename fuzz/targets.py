@@ -18,6 +18,7 @@ from retrue.files.board_captures import read_board_capture
 from retrue.files.captures import pictures_size
 from retrue.files.history import history_path, read_history, write_in_place
 from retrue.files.images import read_image
+from retrue.files.log_parts import records_of_part, write_part
 from retrue.files.patterns import read_pattern, write_pattern
 from retrue.files.ply import read_ply, write_mesh
 from retrue.files.points import read_points, write_points
@@ -89,6 +90,12 @@ def _read_history(path: Path) -> None:
     read_history(path)
 
 
+def _part_seed() -> bytes:
+    folder = FOLDER / "parts"
+    write_part(folder, 1, 2, _history_seed().splitlines())
+    return (folder / "000000001-000000002.jsonl.gz").read_bytes()
+
+
 def _read_board(path: Path) -> None:
     parse_board(path.read_bytes().decode("latin-1"))
 
@@ -158,6 +165,7 @@ TARGETS = {
         Target("points", read_points, _point_seeds()),
         Target("image", read_image, _image_seeds()),
         Target("history", _read_history, [_history_seed()]),
+        Target("history-part", lambda path: list(records_of_part(path)), [_part_seed()]),
         Target(
             "state", lambda path: read_state(path, "source"), [_written(lambda p: write_state(p, WatchState("source")))]
         ),

@@ -6,6 +6,7 @@ from dataclasses import is_dataclass, replace
 from datetime import UTC, datetime
 from functools import cache
 from inspect import isabstract, isclass
+from pathlib import Path
 
 import numpy as np
 
@@ -51,6 +52,8 @@ def examples() -> dict[str, object]:
         Truth(np.ones((48, 64)), np.zeros((48, 64), int), np.ones((48, 64), bool), grid.copy(), grid.copy()),
         {"camera": 0.01, "projector": 0.02},
     )
+    entry = retrue.HistoryEntry(1, datetime(2026, 1, 2, tzinfo=UTC), "recalibrated", RIG, {"reason": "bumped"})
+    line = retrue.DamagedLine(Path("rig.json.history.jsonl"), "line 2", "expected JSON, found other bytes")
     made = [
         RIG, RIG.camera, RIG.projector_from_camera, points, accepted, refused, cloud, simulated,
         calibrated, uncertain, calibrated.views[0],
@@ -60,7 +63,7 @@ def examples() -> dict[str, object]:
         retrue.BoardCapture("pose 1", picture.copy(), points, BoardCorners(grid.copy(), grid.copy(), True)),
         retrue.StereoCapture("pose 1", picture.copy(), picture.copy()),
         retrue.fit_homography_robust(grid, lifted[:, :2] / lifted[:, 2:] + 1e-4 * np.sin(50 * grid[:, ::-1])),
-        retrue.HistoryEntry(1, datetime(2026, 1, 2, tzinfo=UTC), "recalibrated", RIG, {"reason": "bumped"}),
+        retrue.History((entry,), (line,)), entry, line,
         retrue.KnownDistance(np.array([100.0, 200.0]), np.array([300.5, 220.0]), 0.075),
         retrue.make_color_grid((640, 480), rows=12, columns=16), retrue.GrayCode((1024, 768)),
         retrue.parse_board("chessboard:7x9:75mm"), *retrue.planar_pose_candidates(homography)[:1],

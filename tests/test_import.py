@@ -12,8 +12,8 @@ import retrue
 
 PUBLIC = [
     "Accepted", "Board", "BoardCapture", "CadModel", "CadOptions", "Calibrated", "CalibrationOptions", "Camera",
-    "CaptureError", "Cloud", "ColorGrid", "Correspondences", "DegenerateError", "Evidence", "FileError",
-    "FittedView", "GrayCode", "HistoryEntry", "InputError", "KnownDistance", "Mesh", "PlanarPose", "Plane",
+    "CaptureError", "Cloud", "ColorGrid", "Correspondences", "DamagedLine", "DegenerateError", "Evidence", "FileError",
+    "FittedView", "GrayCode", "History", "HistoryEntry", "InputError", "KnownDistance", "Mesh", "PlanarPose", "Plane",
     "PoseCandidate", "PoseChange", "PoseSigma", "Reason", "RecalibrateOptions", "ReconstructOptions", "Refused",
     "RefusedCalibration", "RetrueError", "Rig", "RigidTransform", "RobustHomography", "SimulateOptions",
     "Simulated", "StereoCapture", "Verification", "VerifyOptions", "calibrate", "cloud_picture", "decode",

@@ -22,10 +22,12 @@ from retrue.errors import RetrueError as RetrueError
 from retrue.files.board_captures import read_board_capture as read_board_capture
 from retrue.files.board_captures import read_board_captures as read_board_captures
 from retrue.files.captures import read_capture as read_capture
-from retrue.files.history import HistoryEntry as HistoryEntry
 from retrue.files.history import read_history as read_history
 from retrue.files.history import roll_back as roll_back
 from retrue.files.history import write_in_place as write_in_place
+from retrue.files.history_entry import DamagedLine as DamagedLine
+from retrue.files.history_entry import History as History
+from retrue.files.history_entry import HistoryEntry as HistoryEntry
 from retrue.files.images import read_folder as read_folder
 from retrue.files.images import read_image as read_image
 from retrue.files.images import write_png as write_png

@@ -97,7 +97,20 @@ def test_diff_says_what_the_drift_does_at_the_working_distance(retrue, files):
     retrue("diff", files.before, files.rig, "--working-distance", "-1").require_complaint("positive length")
 
 
-def test_a_damaged_history_is_named(retrue, files):
-    history_path(files.before).write_text("{}\n")
-    for command in ("history", "rollback"):
-        retrue(command, files.before).require_complaint("before.json.history.jsonl", "line 1")
+def test_a_damaged_history_is_told_and_closes_nothing(retrue, files):
+    in_place(retrue, files)
+    history = history_path(files.before)
+    history.write_bytes(history.read_bytes() + b"\0\0\n")
+    run = retrue("history", files.before)
+    assert run.status == 0
+    assert "line 3" in run.err
+    assert [line["place"] for line in retrue("history", files.before, "--json").json["damaged"]] == ["line 3"]
+    assert retrue("rollback", files.before, "--json").json["restored"] == 1
+
+
+def test_only_the_last_entries(retrue, files):
+    in_place(retrue, files)
+    run = retrue("history", files.before, "--last", "1")
+    assert "entries before 2 are not shown" in run.out
+    assert [entry["id"] for entry in retrue("history", files.before, "--last", "1", "--json").json["entries"]] == [2]
+    retrue("history", files.before, "--last", "0").require_complaint("--last")

@@ -2,16 +2,23 @@
 
 from __future__ import annotations
 
+import gzip
 import hashlib
 import json
+import os
+import re
+import zlib
+from collections.abc import Generator
+from contextlib import contextmanager
 from dataclasses import replace
+from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 from retrue.errors import FileError, InputError
-from retrue.files.append_log import opened_log, read_log
+from retrue.files.append_log import newest_first, opened_log, parts_folder
 from retrue.files.file_lock import locked
 from retrue.files.history import (
     capture_record,
@@ -22,6 +29,7 @@ from retrue.files.history import (
     roll_back,
     write_in_place,
 )
+from retrue.files.history_entry import History
 from retrue.files.rigs import read_rig, write_rig
 from retrue.geometry.camera import Camera
 from retrue.geometry.transform import RigidTransform
@@ -52,7 +60,7 @@ def path(tmp_path: Path) -> Path:
 
 
 def test_a_rig_that_nobody_touched_has_no_history(path):
-    assert read_history(path) == []
+    assert read_history(path) == History()
     assert not history_path(path).exists()
 
 
@@ -113,14 +121,16 @@ def test_rollback_where_there_is_no_history_leaves_none(path):
 
 
 @pytest.mark.parametrize("torn", [b"{", b'{"id": 3, "time": "20', b"\0" * 100, b"\xff\xfe"])
-def test_a_torn_last_line_is_passed_over_and_repaired(path, torn):
+def test_a_torn_last_line_is_told_and_written_on_behind(path, torn):
     write_in_place(path, accepted(0.1))
     log = history_path(path)
     log.write_bytes(log.read_bytes() + torn)
     assert turns(path) == [0.0, 0.1]
-    write_in_place(path, accepted(0.2))
+    entry = write_in_place(path, accepted(0.2))
     assert turns(path) == [0.0, 0.1, 0.2]
-    assert torn not in log.read_bytes().splitlines()
+    (damaged,) = read_history(path).damaged
+    assert (damaged.path, damaged.place) == (log, "line 3")
+    assert entry.id == 4  # the torn line may have been entry 3
 
 
 def test_a_last_line_that_lacks_only_its_end_is_kept(path):
@@ -130,23 +140,134 @@ def test_a_last_line_that_lacks_only_its_end_is_kept(path):
     assert turns(path) == [0.0, 0.1]
     write_in_place(path, accepted(0.2))
     assert turns(path) == [0.0, 0.1, 0.2]
+    assert read_history(path).damaged == ()
 
 
-def test_a_damaged_line_in_the_middle_is_named_and_nothing_is_written(path):
+def test_a_damaged_line_in_the_middle_closes_nothing(path):
+    for turn in (0.1, 0.2):
+        write_in_place(path, accepted(turn))
+    log = history_path(path)
+    first, second, third = log.read_bytes().splitlines()
+    log.write_bytes(b"\n".join([b"{}", first, second.replace(b'"mm"', b'"in"'), third, b""]))
+    history = read_history(path)
+    assert turns(path) == [0.0, 0.2]
+    assert [line.place for line in history.damaged] == ["line 1", "line 3"]
+    assert "expected an entry" in history.damaged[0].problem
+    assert "checksum" in history.damaged[1].problem
+    assert roll_back(path).restored == 1
+    assert write_in_place(path, accepted(0.3)).id == 5
+
+
+@pytest.mark.parametrize("damage", ["flipped", "zeroed", "cut", "cut off"])
+def test_any_damaged_byte_costs_its_own_line_and_no_other(path, damage):
+    """Old parts included: two entries lie in a part, two in the file."""
+    rng = np.random.default_rng(0)
+    with small_parts():
+        for turn in (0.1, 0.2, 0.3):
+            write_in_place(path, accepted(turn))
+    files = [history_path(path), *sorted(parts_folder(history_path(path)).iterdir())]
+    whole = {file: file.read_bytes() for file in files}
+    for file, content in whole.items():
+        places = entries_in(file, content)
+        for at in rng.integers(0, len(content), 60):
+            file.write_bytes(damaged(content, int(at), damage, rng))
+            end = len(content) if damage == "cut off" else int(at) + 1
+            hit = {turn for turn, (begin, until) in places.items() if begin < end and at < until}
+            found = turns(path)
+            assert set(found) >= {0.0, 0.1, 0.2, 0.3} - hit, (file.name, at)
+            assert sorted(found) == found
+            assert len(set(found)) == len(found)
+            file.write_bytes(content)
+    for file, content in whole.items():
+        file.write_bytes(damaged(content, len(content) // 2, damage, rng))
+    entry = write_in_place(path, accepted(0.4))
+    assert read_history(path)[-1].id == entry.id
+    assert roll_back(path).restored < entry.id
+
+
+def entries_in(file: Path, content: bytes) -> dict[float, tuple[int, int]]:
+    """Where the bytes of each entry lie, ends of line left out."""
+    if file.suffix == ".gz":
+        starts = [found.start() for found in re.finditer(b"\x1f\x8b\x08", content)] + [len(content)]
+        pieces = [(begin, end, zlib.decompress(content[begin:end], 31)) for begin, end in pairwise(starts)]
+    else:
+        pieces = [(found.start(), found.end(), found[0]) for found in re.finditer(b"[^\n]+", content)]
+    return {json.loads(text)["rig"]["evidence"]["turn"]: (begin, end) for begin, end, text in pieces}
+
+
+def damaged(content: bytes, at: int, damage: str, rng: np.random.Generator) -> bytes:
+    """One byte of it, or all from there on."""
+    flipped = bytes([content[at] ^ int(rng.integers(1, 256))])
+    return {
+        "flipped": content[:at] + flipped + content[at + 1 :],
+        "zeroed": content[:at] + b"\0" + content[at + 1 :],
+        "cut": content[:at] + content[at + 1 :],
+        "cut off": content[:at],
+    }[damage]
+
+
+@contextmanager
+def small_parts() -> Generator[None]:
+    """The file becomes a part after every second write."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr("retrue.files.append_log.FULL_LOG", 1500)
+        yield
+
+
+def test_old_entries_move_into_compressed_parts_that_people_can_read(path):
+    with small_parts():
+        for number in range(1, 8):
+            write_in_place(path, accepted(float(number)))
+        assert turns(path) == [float(number) for number in range(8)]
+        parts = sorted(parts_folder(history_path(path)).iterdir())
+        assert parts[0].name == "000000001-000000003.jsonl.gz"
+        text = gzip.decompress(parts[0].read_bytes()).decode()
+        assert [json.loads(line)["id"] for line in text.splitlines()] == [1, 2, 3]
+        assert [entry.id for entry in read_history(path, 3)] == [6, 7, 8]
+        assert roll_back(path, 2).restored == 2
+        assert read_rig(path).evidence == {"turn": 1.0}
+        with pytest.raises(InputError, match="no earlier rig"):
+            [roll_back(path) for _ in range(2)]
+
+
+def test_a_history_that_is_lost_but_for_its_parts_goes_on_counting(path):
+    with small_parts():
+        for number in range(1, 4):
+            write_in_place(path, accepted(float(number)))
+        last = read_history(path)[-1].id
+        history_path(path).unlink()
+        assert write_in_place(path, accepted(9.0)).id > last - 2
+        ids = [entry.id for entry in read_history(path)]
+        assert ids == sorted(set(ids))
+
+
+def test_a_kill_between_part_and_file_shows_no_entry_twice(path):
+    for turn in (1.0, 2.0):
+        write_in_place(path, accepted(turn))
+    log = history_path(path)
+    content = log.read_bytes()
+    with small_parts():
+        write_in_place(path, accepted(3.0))
+        log.write_bytes(content)  # as it was before the file was emptied
+        assert turns(path) == [0.0, 1.0, 2.0]
+        write_in_place(path, accepted(4.0))
+        assert turns(path) == [0.0, 1.0, 2.0, 3.0, 4.0]  # 3 stands in the rig file
+        assert len(list(parts_folder(log).iterdir())) == 1
+
+
+def test_lines_without_a_checksum_are_read(path):
     write_in_place(path, accepted(0.1))
     log = history_path(path)
-    log.write_bytes(b"{}\n" + log.read_bytes())
-    for action in (lambda: read_history(path), lambda: write_in_place(path, accepted(0.2))):
-        with pytest.raises(FileError, match=r"history\.jsonl: line 1: expected an entry"):
-            action()
-    assert read_rig(path).evidence == {"turn": 0.1}
+    lines = [json.loads(line) for line in log.read_text().splitlines()]
+    log.write_text("".join(json.dumps({key: line[key] for key in line if key != "crc32"}) + "\n" for line in lines))
+    write_in_place(path, accepted(0.2))
+    assert turns(path) == [0.0, 0.1, 0.2]
 
 
 @pytest.mark.parametrize(
     "edit",
     [
         {"id": True},
-        {"id": 5},
         {"time": "yesterday"},
         {"time": "2025-01-01T00:00:00"},
         {"action": "eaten"},
@@ -158,13 +279,27 @@ def test_a_damaged_line_in_the_middle_is_named_and_nothing_is_written(path):
     ],
     ids=str,
 )
-def test_a_line_that_is_no_entry_is_named(path, edit):
+def test_a_line_that_is_no_entry_is_told(path, edit):
     write_in_place(path, accepted(0.1))
     log = history_path(path)
     first, second = log.read_text().splitlines()
-    log.write_text(json.dumps(json.loads(first) | edit) + "\n" + second + "\n")
-    with pytest.raises(FileError, match=r"history\.jsonl: line [12]: "):
-        read_history(path)
+    document = json.loads(first) | edit
+    del document["crc32"]
+    log.write_text(json.dumps(document) + "\n" + second + "\n")
+    history = read_history(path)
+    assert [line.place for line in history.damaged] == ["line 1"]
+    assert turns(path) == [0.1]
+
+
+def test_a_pipe_is_refused_and_not_waited_for(path):
+    os.mkfifo(history_path(path))
+    for action in (lambda: read_history(path), lambda: write_in_place(path, accepted(0.1)), lambda: roll_back(path)):
+        with pytest.raises(FileError, match="expected a file"):
+            action()
+    history_path(path).unlink()
+    os.mkfifo(path.with_name("pipe.json"))
+    with pytest.raises(FileError, match="expected a file"):
+        write_in_place(path.with_name("pipe.json"), accepted(0.1))
 
 
 def test_a_full_disk_changes_nothing(path):
@@ -251,7 +386,7 @@ def test_a_log_that_is_no_file_or_too_large_is_refused(path):
     log = history_path(path)
     log.mkdir()
     with pytest.raises(FileError):
-        read_log(log)
+        list(newest_first(log))
     log.rmdir()
     with log.open("wb") as stream:
         stream.truncate(2**40)  # sparse

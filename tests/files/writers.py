@@ -69,23 +69,30 @@ class Survey:
 
 
 def kill_at_random(path: Path, kills: int, seed: int) -> Survey:
-    """Kill a process that writes, again and again; what it had reported must be there."""
+    """Kill one of two processes that write, again and again; what they had reported must be there.
+
+    The other one writes on all the while: it must neither wait for who was killed, nor lose what it wrote itself.
+    """
     rng = np.random.default_rng(seed)
     said: set[float] = set()
     unreadable = 0
-    for kill in range(kills):
-        with start("write_until_killed", path, 1e6 * (kill + 1)) as process:
-            assert process.stdout is not None
-            said.add(float(process.stdout.readline()))
-            time.sleep(rng.uniform(0, 0.05))
-            process.kill()
-            rest, _ = process.communicate()
+    with start("write_until_killed", path, 0.5) as other:
+        for kill in range(kills):
+            with start("write_until_killed", path, 1e6 * (kill + 1)) as process:
+                assert process.stdout is not None
+                said.add(float(process.stdout.readline()))
+                time.sleep(rng.uniform(0, 0.05))
+                process.kill()
+                rest, _ = process.communicate()
+            said |= {float(line) for line in rest.split("\n")[:-1]}
+            try:
+                read_rig(path)
+                unreadable += not read_history(path, 10)
+            except FileError:
+                unreadable += 1
+        other.kill()
+        rest, _ = other.communicate()
         said |= {float(line) for line in rest.split("\n")[:-1]}
-        try:
-            read_rig(path)
-            read_history(path)
-        except FileError:
-            unreadable += 1
     kept = {entry.rig.evidence["turn"] for entry in read_history(path)}
     return Survey(len(said), unreadable, len(said - kept))
 

@@ -14,6 +14,7 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from retrue.errors import FileError, RetrueError
+from retrue.files.history import MOST_DAMAGED, history_path, read_history
 
 ROOT = Path(__file__).parents[2]
 sys.path.insert(0, str(ROOT / "fuzz"))
@@ -146,7 +147,6 @@ BOMBS: dict[str, tuple[str, bytes]] = {
     "a chunk that claims three gigabytes": ("image", png(16, 12)[:33] + b"\xc3\0\0\x39IDAT" + png(16, 12)[41:]),
     "a million fill bytes": ("image", JPEG_START + b"\xff" * 1_000_000),
     "ten thousand scans": ("image", scans(10_000)),
-    "a history line of nothing": ("history", b"{}\n" * 100_000),
 }  # fmt: skip
 
 
@@ -162,6 +162,17 @@ def test_bombs_are_refused(bomb, tmp_path):
     assert len(str(caught.value)) < len(str(path)) * 2 + 300
 
 
+@pytest.mark.timeout(60)
+@pytest.mark.parametrize("line", [b"{}", b"x", b'{"id": ', b'{"id": {"id": , "crc32": "00000000"}'])
+def test_a_history_of_nothing_takes_neither_time_nor_memory(line, tmp_path):
+    rig = tmp_path / "rig.json"
+    for between in (b"\n", b""):
+        history_path(rig).write_bytes((line + between) * 20_000)
+        history = read_history(rig)
+        assert len(history) == 0
+        assert 1 <= len(history.damaged) <= MOST_DAMAGED
+
+
 def test_a_file_without_end_is_refused():
     if not Path("/dev/zero").exists():
         pytest.skip("no /dev/zero here")
@@ -173,6 +184,7 @@ sys.path.insert(0, {str(ROOT / "fuzz")!r})
 from pathlib import Path
 from targets import TARGETS
 from retrue.errors import RetrueError
+from retrue.files.history import MOST_DAMAGED, history_path, read_history
 for name in {names}:
     try:
         TARGETS[name].read(Path("/dev/zero"))

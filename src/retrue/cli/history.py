@@ -6,35 +6,43 @@ from collections.abc import Sequence
 from dataclasses import asdict, dataclass
 from itertools import pairwise
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
-from retrue.cli.command import Command, Outcome, RigPath, require_writable
+from tyro.conf import arg
+
+from retrue.cli.command import Command, Outcome, RigPath, log, require_writable
 from retrue.errors import InputError
 
 if TYPE_CHECKING:
-    from retrue.files.history import HistoryEntry
+    from retrue.files.history_entry import HistoryEntry
     from retrue.rig_difference import RigDifference
+
+MOST_TOLD = 10  # damaged lines
 
 
 @dataclass(frozen=True, kw_only=True)
 class History(Command):
-    """Show every rig that stood in a rig file, and how it drifted.
+    """Show every rig that stood in a rig file, and how it drifted; damaged lines are told, and passed over.
 
     Attributes
     ----------
     rig
         The rig file.
+    last
+        Only so many, the newest; that takes as long however many there are.
     plot
         A PNG to draw the drift over time into; needs `pip install 'retrue[plot]'`.
     """
 
     rig: RigPath
+    last: Annotated[int, arg(metavar="N")] = 1000
     plot: Path | None = None
 
     def run(self) -> Outcome:
         from retrue.files.atomic import replaced_file
         from retrue.files.history import entry_in_place, history_path, read_history
         from retrue.files.rigs import read_rig
+        from retrue.plain_json import plain
         from retrue.rig_difference import rig_difference
 
         require_writable(self.plot)
@@ -43,7 +51,14 @@ class History(Command):
 
             require_matplotlib("--plot")
         rig = read_rig(self.rig)
-        entries = read_history(self.rig)
+        if not self.last >= 1:
+            raise InputError(f"--last: expected 1 or more, found {self.last}")
+        history = read_history(self.rig, self.last)
+        entries = history.entries
+        for line in history.damaged[-MOST_TOLD:]:
+            log(f"{line}; passed over")
+        if len(history.damaged) > MOST_TOLD:
+            log(f"and {len(history.damaged) - MOST_TOLD} lines before; --json has them all")
         if not entries:
             raise InputError(f"{self.rig}: no history beside it; it begins with `retrue recalibrate --in-place`")
         in_place = entry_in_place(entries, rig)
@@ -51,6 +66,7 @@ class History(Command):
         report: dict[str, Any] = {
             "history": str(history_path(self.rig)),
             "in_place": None if in_place is None else in_place.id,
+            "damaged": [plain(asdict(line)) for line in history.damaged],
             "entries": [_entry_report(entry, step) for entry, step in zip(entries, steps, strict=True)],
         }
         text = _table(entries, steps, in_place)
@@ -98,4 +114,6 @@ def _table(
         lines.append(f"{mark}{entry.id:>3}  {entry.time:%Y-%m-%d %H:%M:%S}  {what:<17.17}  {turned}  {length:>11.6g}")
     lines.append("angles in degrees, from the line above")
     lines.append("* is in place" if in_place is not None else "the rig in place is none of them: it was edited since")
+    if entries[0].id > 1:
+        lines.append(f"entries before {entries[0].id} are not shown: --last N")
     return "\n".join(lines)

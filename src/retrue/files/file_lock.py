@@ -38,6 +38,11 @@ else:
         fcntl.flock(handle, fcntl.LOCK_UN)
 
 
+def not_waiting(path: str, flags: int) -> int:
+    """For `open`: a pipe that somebody laid where a file should be must not keep us until another end opens."""
+    return os.open(path, flags | getattr(os, "O_NONBLOCK", 0), 0o666)
+
+
 @contextmanager
 def locked(path: Path, handle: int, patience: float = LOCK_PATIENCE) -> Generator[None]:
     """Hold an open file alone, against all others that open it and ask for it in the same way.
@@ -63,11 +68,13 @@ def locked(path: Path, handle: int, patience: float = LOCK_PATIENCE) -> Generato
 def held_file(path: Path, patience: float = LOCK_PATIENCE) -> Generator[io.FileIO]:
     """A file open for reading and appending, made where it is not there, and held alone.
 
-    A holder may remove it: who waited for it then opens another. Raises `FileError`.
+    A holder may remove it: who waited for it then opens another. Raises `FileError`, also for what is no file.
     """
     while True:
         try:
-            stream = path.open("a+b", buffering=0)
+            if path.exists() and not path.is_file():
+                raise FileError(path, "expected a file, found something else")
+            stream = io.FileIO(path, "a+b", opener=not_waiting)
         except OSError as error:
             raise FileError(path, f"cannot be written: {error.strerror or error}") from error
         with stream, locked(path, stream.fileno(), patience):

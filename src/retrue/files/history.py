@@ -1,59 +1,30 @@
-"""Every rig that stood in a rig file, beside it: rig.json.history.jsonl, one rig a line, never rewritten."""
+"""Every rig that stood in a rig file, beside it: rig.json.history.jsonl, one rig a line, never rewritten.
+
+What is older lies compressed in the folder rig.json.history. A damaged line is told, passed over, and closes nothing.
+"""
 
 from __future__ import annotations
 
 import hashlib
-import json
 import math
 import os
-from collections.abc import Mapping, Sequence
-from dataclasses import asdict, dataclass, field
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import asdict
 from datetime import UTC, datetime
 from pathlib import Path
-from typing import Any, Literal, cast, get_args
+from typing import Any
 
 from retrue.errors import FileError, InputError, require_kind, require_path
-from retrue.files.append_log import AppendLog, opened_log, read_log
+from retrue.files.append_log import AppendLog, newest_first, opened_log
 from retrue.files.atomic import replaced_file
+from retrue.files.history_entry import Action, DamagedLine, History, HistoryEntry, entry_document, entry_or_damage
 from retrue.files.images import picture_paths
-from retrue.files.rig_json import rig_from_json, rig_to_json
+from retrue.files.rig_json import rig_to_json
 from retrue.files.rigs import read_rig
 from retrue.recalibration.result import Accepted
 from retrue.rig import Rig
-from retrue.shown import ShortRepr, Shown
-from retrue.values import ByValue
 
-Action = Literal["found", "recalibrated", "rolled back"]
-
-
-@dataclass(frozen=True, slots=True, eq=False, repr=False)
-class HistoryEntry(ByValue, ShortRepr):
-    """One rig that was put in place.
-
-    Attributes
-    ----------
-    id : 1, 2, ... in the order of time.
-    time : when, UTC.
-    action : "found" is a rig that stood there before anybody kept a history, or that was edited by hand.
-    rig : all of it, with its own evidence.
-    evidence : what else was known when it was written: change, sigma, reason.
-    captures : name and SHA-256 of each capture that it rests on.
-    restored : of a rollback, the entry that it went back to.
-    """
-
-    id: int
-    time: datetime
-    action: Action
-    rig: Rig
-    evidence: Mapping[str, Any] = field(default_factory=dict[str, Any])
-    captures: Sequence[Mapping[str, str]] = ()
-    restored: int | None = None
-
-    def _shown(self) -> Shown:
-        rows = {"rig": self.rig.projector_from_camera.shown_title}
-        if "reason" in self.evidence:
-            rows["reason"] = str(self.evidence["reason"])
-        return f"{self.id}, {self.action} {self.time:%Y-%m-%d %H:%M} UTC", rows
+MOST_DAMAGED = 1000  # lines that are told one by one
 
 
 def history_path(rig_path: str | Path) -> Path:
@@ -66,27 +37,48 @@ def history_path(rig_path: str | Path) -> Path:
     return path.with_name(f"{path.name}.history.jsonl")
 
 
-def read_history(rig_path: str | Path) -> list[HistoryEntry]:
-    """All entries, oldest first; none where there is no history. Raises `FileError`."""
+def read_history(rig_path: str | Path, last: int | None = None) -> History:
+    """All entries, or the last so many, which takes as long however many there are; none where there is no history.
+
+    Lines that are damaged are in `damaged`, the last thousand of them, and close nothing. Raises `FileError` where the
+    history is no file, or cannot be read at all.
+    """
     path = history_path(require_path(rig_path, "read_history(rig_path)"))
-    return _entries(path, read_log(path))
+    entries: list[HistoryEntry] = []
+    damaged: list[DamagedLine] = []
+    for found in map(entry_or_damage, newest_first(path)):
+        if isinstance(found, DamagedLine):
+            damaged += [found][: MOST_DAMAGED - len(damaged)]
+        elif last is not None and len(entries) >= last:
+            break
+        else:
+            entries.append(found)
+    return History(tuple(reversed(entries)), tuple(reversed(damaged)))
 
 
 def entry_in_place(entries: Sequence[HistoryEntry], rig: Rig) -> HistoryEntry | None:
     """The latest entry that holds this very rig; None where it was edited since."""
-    text = rig_to_json(rig)
-    return next((entry for entry in reversed(entries) if rig_to_json(entry.rig) == text), None)
+    return next((entry for entry in reversed(entries) if _holds(entry, rig)), None)
+
+
+def _holds(entry: HistoryEntry, rig: Rig) -> bool:
+    same = entry.rig.projector_from_camera == rig.projector_from_camera  # tells most, and soon
+    return same and rig_to_json(entry.rig) == rig_to_json(rig)
 
 
 def known_working_distance(rig_path: str | Path, rig: Rig) -> float | None:
     """How far away the scene was, from the rig's evidence or from that in its history; None where neither says."""
-    entry = entry_in_place(read_history(rig_path), rig)
-    places: list[Mapping[str, Any]] = [rig.evidence] if entry is None else [rig.evidence, entry.evidence]
-    for evidence in places:
-        distance: Any = evidence.get("working_distance")
-        if isinstance(distance, int | float) and 0 < distance < math.inf:
-            return float(distance)
-    return None
+    distance = _working_distance(rig.evidence)
+    if distance is None:
+        path = history_path(rig_path)
+        entry = next((item for item in _entries_newest_first(path) if _holds(item, rig)), None)
+        distance = None if entry is None else _working_distance(entry.evidence)
+    return distance
+
+
+def _working_distance(evidence: Mapping[str, Any]) -> float | None:
+    distance: Any = evidence.get("working_distance")
+    return float(distance) if isinstance(distance, int | float) and 0 < distance < math.inf else None
 
 
 def write_in_place(rig_path: str | Path, result: Accepted, captures: Sequence[Mapping[str, str]] = ()) -> HistoryEntry:
@@ -110,8 +102,7 @@ def roll_back(rig_path: str | Path, entry_id: int | None = None) -> HistoryEntry
     """
     path = _writable(require_path(rig_path, "roll_back(rig_path)"))
     with opened_log(history_path(path)) as log:
-        entries = _entries(log.path, log.documents)
-        target = _before(path, entries) if entry_id is None else _with_id(log.path, entries, entry_id)
+        target = _before(path, log.path) if entry_id is None else _with_id(log.path, entry_id)
         return _put(path, log, target.rig, "rolled back", target.evidence, target.captures, target.id)
 
 
@@ -133,14 +124,14 @@ def _put(
     captures: Sequence[Mapping[str, str]],
     restored: int | None,
 ) -> HistoryEntry:
-    entries = _entries(log.path, log.documents)
-    last = entries[-1].id if entries else 0
     new: list[HistoryEntry] = []
     found = _rig_in(path)
-    if found is not None and entry_in_place(entries, found) is None:
-        new.append(HistoryEntry(last + 1, datetime.now(UTC), "found", found))
-    entry = HistoryEntry(last + len(new) + 1, datetime.now(UTC), action, rig, evidence, tuple(captures), restored)
-    documents = [_document(item) for item in (*new, entry)]
+    recent = (entry for entry in map(entry_or_damage, log.recent) if isinstance(entry, HistoryEntry))
+    if found is not None and not any(_holds(entry, found) for entry in recent):
+        new.append(HistoryEntry(log.next_id, datetime.now(UTC), "found", found))
+    number = log.next_id + len(new)
+    entry = HistoryEntry(number, datetime.now(UTC), action, rig, evidence, tuple(captures), restored)
+    documents = [entry_document(item) for item in (*new, entry)]
     with log.appended(documents), replaced_file(path, alone=True) as stream:
         stream.write(rig_to_json(rig).encode())
     return entry
@@ -167,25 +158,30 @@ def _rig_in(path: Path) -> Rig | None:
         return None
 
 
-def _before(path: Path, entries: Sequence[HistoryEntry]) -> HistoryEntry:
+def _before(path: Path, log_path: Path) -> HistoryEntry:
     """The entry one step back in time from the rig in place, past what was rolled back already."""
     found = _rig_in(path)
-    current = None if found is None else entry_in_place(entries, found)
-    if current is None:
-        earlier = [entry for entry in entries if entry.restored is None]
-    else:
-        place = current.restored or current.id
-        earlier = [entry for entry in entries if entry.id < place and entry.restored is None]
-    if not earlier:
-        raise InputError(f"{path}: no earlier rig in {history_path(path).name}")
-    return earlier[-1]
+    newest: HistoryEntry | None = None  # but for rollbacks
+    place: int | None = None
+    for entry in _entries_newest_first(log_path):
+        if place is None and found is not None and _holds(entry, found):
+            place = entry.restored or entry.id
+        if entry.restored is None:
+            newest = newest or entry
+            if place is not None and entry.id < place:
+                return entry
+    if place is not None or newest is None:
+        raise InputError(f"{path}: no earlier rig in {log_path.name}")
+    return newest
 
 
-def _with_id(path: Path, entries: Sequence[HistoryEntry], entry_id: int) -> HistoryEntry:
-    for entry in entries:
-        if entry.id == entry_id:
-            return entry
-    known = f"1 to {entries[-1].id}" if entries else "none, for it is empty"
+def _with_id(path: Path, entry_id: int) -> HistoryEntry:
+    named = (record for record in newest_first(path, entry_id) if (record.document or {}).get("id") == entry_id)
+    found = next((entry for entry in map(entry_or_damage, named) if isinstance(entry, HistoryEntry)), None)
+    if found is not None:
+        return found
+    last = next(_entries_newest_first(path), None)
+    known = "none, for it is empty" if last is None else f"1 to {last.id}"
     raise InputError(f"{path}: expected the ID of an entry ({known}), found {entry_id}")
 
 
@@ -193,6 +189,8 @@ def _writable(rig_path: str | Path) -> Path:
     path = Path(os.path.realpath(rig_path))
     if path.exists() and not os.access(path, os.W_OK):
         raise FileError(rig_path, "cannot be written: it is read-only")
+    if path.exists() and not path.is_file():
+        raise FileError(rig_path, "expected a file, found something else")
     return path
 
 
@@ -204,49 +202,5 @@ def _digest(path: Path) -> str:
         raise FileError(path, f"cannot be read: {error.strerror or error}") from error
 
 
-def _document(entry: HistoryEntry) -> dict[str, Any]:
-    return {
-        "id": entry.id,
-        "time": entry.time.isoformat(timespec="milliseconds"),
-        "action": entry.action,
-        "restored": entry.restored,
-        "captures": [dict(capture) for capture in entry.captures],
-        "evidence": dict(entry.evidence),
-        "rig": json.loads(rig_to_json(entry.rig)),
-    }
-
-
-def _entries(path: Path, documents: Sequence[Mapping[str, Any]]) -> list[HistoryEntry]:
-    entries: list[HistoryEntry] = []
-    for line, document in enumerate(documents, start=1):
-        try:
-            entry = _entry(path, document)
-        except FileError as error:
-            raise FileError(path, f"line {line}: {error.problem}") from error
-        except (AttributeError, KeyError, TypeError, ValueError) as error:
-            raise FileError(path, f"line {line}: expected an entry of a history, found none ({error})") from error
-        if entries and entry.id <= entries[-1].id:
-            raise FileError(path, f"line {line}: expected an ID above {entries[-1].id}, found {entry.id}")
-        entries.append(entry)
-    return entries
-
-
-def _entry(path: Path, document: Mapping[str, Any]) -> HistoryEntry:
-    number, restored, action = document["id"], document["restored"], document["action"]
-    if type(number) is not int or not (restored is None or type(restored) is int) or action not in get_args(Action):
-        raise ValueError("id, restored or action is not what it must be")
-    evidence, captures = document["evidence"], document["captures"]
-    if not (isinstance(evidence, dict) and isinstance(captures, list)):
-        raise ValueError("evidence or captures is not what it must be")
-    time = datetime.fromisoformat(document["time"])
-    if time.tzinfo is None:
-        raise ValueError("a time without its zone")
-    return HistoryEntry(
-        number,
-        time,
-        action,
-        rig_from_json(path, document["rig"]),
-        cast(dict[str, Any], evidence),
-        tuple({str(key): str(value) for key, value in capture.items()} for capture in cast(list[Any], captures)),
-        restored,
-    )
+def _entries_newest_first(path: Path) -> Iterator[HistoryEntry]:
+    return (found for found in map(entry_or_damage, newest_first(path)) if isinstance(found, HistoryEntry))

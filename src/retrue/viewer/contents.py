@@ -9,7 +9,8 @@ from typing import Any, cast
 
 from retrue.errors import FileError, InputError
 from retrue.files.atomic import read_text
-from retrue.files.history import HistoryEntry, read_history
+from retrue.files.history import read_history
+from retrue.files.history_entry import HistoryEntry
 from retrue.files.models import MESH_ENDINGS, read_model
 from retrue.files.points import read_points
 from retrue.files.rig_json import parse_json
@@ -20,6 +21,9 @@ from retrue.reconstruction.reconstruct import reconstruct
 from retrue.rig import Rig
 
 LARGEST_ANSWER = 2**26  # bytes
+
+
+MOST_ENTRIES = 200  # of a history that are shown
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -77,7 +81,7 @@ def _read_rig_or_answer(contents: Contents, name: str, path: Path) -> None:
     if text.lstrip().startswith("{") and "candidates" in (answer := parse_json(path, text)):
         contents.candidates[name] = _candidates(path, answer["candidates"])
     else:
-        contents.rigs[name] = read_rig(path), read_history(path)
+        contents.rigs[name] = read_rig(path), read_history(path, MOST_ENTRIES + 1)
 
 
 def _candidates(path: Path, documents: Any) -> list[Candidate]:

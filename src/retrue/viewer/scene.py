@@ -9,18 +9,17 @@ import numpy as np
 from numpy.typing import NDArray
 
 from retrue.errors import InputError
-from retrue.files.history import HistoryEntry
+from retrue.files.history_entry import HistoryEntry
 from retrue.geometry.arrays import FloatArray, IntArray
 from retrue.geometry.camera import Camera
 from retrue.geometry.transform import RigidTransform
 from retrue.reconstruction.cloud import Cloud, Mesh
 from retrue.rig import Rig
 from retrue.units import METRES
-from retrue.viewer.contents import Candidate, Contents
+from retrue.viewer.contents import MOST_ENTRIES, Candidate, Contents
 
 MOST_SHOWN = 300_000
 MOST_FACES = 800_000
-MOST_ENTRIES = 200  # of a history
 CAMERA_COLOR = (30, 120, 220)
 PROJECTOR_COLOR = (230, 120, 20)
 TWIN_COLOR = (150, 150, 150)
@@ -166,7 +165,7 @@ def _lines(device: Camera, camera_from_device: RigidTransform, reach: float) -> 
 
 def _time_line(name: str, entries: Sequence[HistoryEntry], reach: float, notes: list[str]) -> TimeLine:
     if len(entries) > MOST_ENTRIES:
-        notes.append(f"{name}: the last {MOST_ENTRIES} of {len(entries)} entries of its history")
+        notes.append(f"{name}: the last {MOST_ENTRIES} entries of its history, up to {entries[-1].id}")
     shown = entries[-MOST_ENTRIES:]
     frusta = tuple(
         replace(
