@@ -14,8 +14,15 @@ from retrue.calibration.views import BoardCapture as BoardCapture
 from retrue.calibration.views import StereoCapture as StereoCapture
 from retrue.correspondences import Correspondences as Correspondences
 from retrue.decoding.decode import decode as decode
+from retrue.devices.drivers import LiveRig as LiveRig
+from retrue.devices.drivers import make_rig as make_rig
+from retrue.devices.options import RecordOptions as RecordOptions
+from retrue.devices.recorder import Recorder as Recorder
+from retrue.devices.setup import Setup as Setup
+from retrue.devices.setup import parse_setup as parse_setup
 from retrue.errors import CaptureError as CaptureError
 from retrue.errors import DegenerateError as DegenerateError
+from retrue.errors import DeviceError as DeviceError
 from retrue.errors import FileError as FileError
 from retrue.errors import InputError as InputError
 from retrue.errors import RetrueError as RetrueError

@@ -4,6 +4,7 @@
     ├── InputError              a value that the caller handed in is not what it must be
     │   └── FileError           the same, of a file: names it
     │       └── CaptureError    a capture whose pictures do not belong together or do not decode
+    ├── DeviceError             a camera or a projector that does not do what was asked of it: names it
     └── DegenerateError         the data cannot determine what was asked for
 
 A message is one line: what, expected, found, what to do.
@@ -37,6 +38,15 @@ class FileError(InputError):
 
 class CaptureError(FileError):
     """A capture that does not decode: a picture missing, doubled, late, of another size ..."""
+
+
+class DeviceError(RetrueError):
+    """A camera or projector that is not there, went away, or cannot do what was asked: says which one and why."""
+
+    def __init__(self, device: str, problem: str) -> None:
+        self.device = device
+        self.problem = problem
+        super().__init__(f"{device}: {problem}")
 
 
 class DegenerateError(RetrueError):

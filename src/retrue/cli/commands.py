@@ -16,6 +16,15 @@ EXAMPLES: dict[str, tuple[str, ...]] = {
         "retrue pattern color-grid --projector-size 1024 768 --out pattern",
         "retrue pattern gray-code --projector-size 1920 1080 --out pattern",
     ),
+    "board": (
+        "retrue board chessboard:9x7:22mm --paper A4 --out board.pdf",
+        "retrue board charuco:10x7:25mm:18mm:DICT_5X5_100 --paper A3 --out board.svg",
+    ),
+    "project": (
+        "retrue project pattern/pattern.json --screen 1",
+        "retrue project gray/pattern_*.png --screen 1 --seconds 0.5",
+    ),
+    "capture": ("retrue capture setup.toml --pattern pattern.json --out capture",),
     "decode": ("retrue decode wall.jpg --pattern pattern.json --out points.csv",),
     "calibrate": (
         "retrue calibrate capture_*/ --pattern pattern.json \\\n      --board chessboard:7x9:75mm --out rig.json",

@@ -14,13 +14,17 @@ from retrue.patterns.color_grid import ColorGrid
 from retrue.patterns.gray_code import GrayCode
 from retrue.patterns.pattern import Pattern
 
+GRID_PICTURES = ("grid", "white", "black")
+"""What the folder of a colour grid holds."""
+
 
 def read_capture(path: str | Path, pattern: Pattern | None = None) -> Correspondences:
     """Correspondences of a capture: decoded from pictures, or read from a points CSV.
 
     Parameters
     ----------
-    path : a picture of a colour grid, a folder of pictures of a Gray code, or a CSV of points.
+    path : a picture of a colour grid, a folder of pictures (of a Gray code; or grid, white and black of a colour grid),
+        or a CSV of points.
     pattern : what the projector showed; not needed for a CSV.
 
     Raises
@@ -69,8 +73,8 @@ def _read_sequence(path: Path, pattern: Pattern | None) -> tuple[Correspondences
     """The points, and the scene in white light."""
     if pattern is None:
         raise CaptureError(path, "a folder of pictures needs the pattern that they show: give --pattern P.json")
-    if not isinstance(pattern, GrayCode):
-        raise CaptureError(path, "a folder of pictures is a Gray-code capture, but the pattern is a colour grid")
+    if isinstance(pattern, ColorGrid):
+        return _read_grid_folder(path, pattern)
     from retrue.decoding.gray.decode_gray_code import decode_sequence
     from retrue.decoding.gray.sequence import arrange
 
@@ -80,6 +84,24 @@ def _read_sequence(path: Path, pattern: Pattern | None) -> tuple[Correspondences
         return decode_sequence(pattern, sequence), sequence.color
     except CaptureError as error:
         raise CaptureError(path, error.problem) from error
+
+
+def _read_grid_folder(path: Path, pattern: ColorGrid) -> tuple[Correspondences, Image]:
+    """The points of grid.png, with black.png and white.png beside it; and the picture."""
+    from retrue.decoding.blocks.decode_color_grid import decode_color_grid
+
+    named = {entry.stem: entry for entry in picture_paths(path)}
+    if missing := [name for name in GRID_PICTURES if name not in named]:
+        raise CaptureError(
+            path,
+            "the pattern is a colour grid, whose folder holds grid.png, white.png and black.png: "
+            f"{missing[0]}.png is missing",
+        )
+    grid, white, black = (read_image(named[name]) for name in GRID_PICTURES)
+    for name, image in (("white", white), ("black", black)):
+        if image.shape != grid.shape:
+            raise CaptureError(path, f"{name}.png is not of the size and kind of grid.png: take the capture again")
+    return decode_color_grid(pattern, grid, black, white), grid
 
 
 def _read_grid(path: Path, pattern: Pattern | None) -> tuple[Correspondences, Image]:

@@ -77,9 +77,9 @@ def render(
         rows = np.arange(top, min(top + BAND, height))
         for dy in fractions:
             for dx in fractions:
-                light[rows] += _look(rig, scene, lamp, _grid(rows + dy, np.arange(width) + dx)).light
+                light[rows] += look(rig, scene, pixel_grid(rows + dy, np.arange(width) + dx)).light(lamp)
     centres = [
-        _look(rig, scene, lamp, _grid(np.arange(top, min(top + BAND, height)), np.arange(width)))
+        look(rig, scene, pixel_grid(np.arange(top, min(top + BAND, height)), np.arange(width)))
         for top in range(0, height, BAND)
     ]
     return Rendered(
@@ -92,20 +92,34 @@ def render(
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class _Seen:
-    light: FloatArray
+class Seen:
+    """What rays through camera pixels (h, w) meet.
+
+    Attributes
+    ----------
+    gain : (h, w, 3) share of the projector's light at `projector_px` that comes back along the ray.
+    room : (h, w, 3) the room's light.
+    """
+
+    gain: FloatArray
+    room: FloatArray
     depth: FloatArray
     projector_px: FloatArray
     visible: BoolArray
     surface: IntArray
 
+    def light(self, lamp: FloatArray) -> FloatArray:
+        """(h, w, 3) under a projector that shows `lamp`."""
+        at = np.where(self.visible[..., None], self.projector_px, 0.0).reshape(-1, 2)
+        return _bilinear(lamp, at).reshape(self.gain.shape) * self.gain + self.room
 
-def _grid(y: FloatArray | IntArray, x: FloatArray | IntArray) -> FloatArray:
+
+def pixel_grid(y: FloatArray | IntArray, x: FloatArray | IntArray) -> FloatArray:
     return np.stack(np.meshgrid(x, y), axis=-1).astype(np.float64)
 
 
-def _look(rig: Rig, scene: Scene, lamp: FloatArray, pixels: FloatArray) -> _Seen:
-    """Light, and truth, of the rays through camera pixels (h, w, 2)."""
+def look(rig: Rig, scene: Scene, pixels: FloatArray) -> Seen:
+    """What the rays through camera pixels (h, w, 2) meet."""
     shape = pixels.shape[:-1]
     rays = rig.camera.unproject(pixels).reshape(-1, 2)
     direction = np.concatenate([rays, np.ones((len(rays), 1))], axis=1)
@@ -131,14 +145,13 @@ def _look(rig: Rig, scene: Scene, lamp: FloatArray, pixels: FloatArray) -> _Seen
         albedo[here] = item.paint.albedo(point[here])
         gloss[here] = item.paint.gloss
     falloff = 1.0 if scene.bright_at is None else (scene.bright_at / distance) ** 2
-    shown = _bilinear(lamp, np.where(lit[:, None], projector_px, 0.0)) * (lit * falloff)[:, None]
     mirrored = beam / distance[:, None] + 2 * cosine[:, None] * normal
     toward = -direction / np.linalg.norm(direction, axis=-1, keepdims=True)
     lobe = gloss * np.maximum(np.sum(mirrored * toward, axis=-1), 0.0) ** 40
-    light = shown * (albedo * np.maximum(cosine, 0.0)[:, None] + lobe[:, None]) + albedo * np.asarray(scene.ambient)
-    light[~hit] = 0.0
-    return _Seen(
-        light=light.reshape(*shape, 3),
+    gain = (lit * falloff)[:, None] * (albedo * np.maximum(cosine, 0.0)[:, None] + lobe[:, None])
+    return Seen(
+        gain=gain.reshape(*shape, 3),
+        room=(albedo * np.asarray(scene.ambient)).reshape(*shape, 3),
         depth=np.where(hit, depth, np.nan).reshape(shape),
         projector_px=projector_px.reshape(*shape, 2),
         visible=lit.reshape(shape),

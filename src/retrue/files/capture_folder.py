@@ -1,0 +1,52 @@
+"""A capture on disk: a folder of PNG pictures, there whole or not at all."""
+
+from __future__ import annotations
+
+import shutil
+import tempfile
+from collections.abc import Mapping
+from pathlib import Path
+
+from retrue.errors import FileError
+from retrue.files.atomic import sync_folder
+from retrue.files.images import write_png
+from retrue.geometry.arrays import Image
+
+
+def write_capture(folder: str | Path, pictures: Mapping[str, Image]) -> None:
+    """Write each picture as NAME.png into a new folder; one that holds anything already is left alone.
+
+    Raises
+    ------
+    FileError
+        the folder is not empty, or cannot be written: then nothing is left of it.
+    """
+    folder = Path(folder)
+    require_new_folder(folder)
+    try:
+        folder.parent.mkdir(parents=True, exist_ok=True)
+        waiting = Path(tempfile.mkdtemp(prefix=f".{folder.name}.", suffix=".part", dir=folder.parent))
+    except OSError as error:
+        raise FileError(folder, f"cannot be written: {error.strerror or error}") from error
+    try:
+        for name, picture in pictures.items():
+            write_png(waiting / f"{name}.png", picture)
+        waiting.chmod(0o755)
+        if folder.exists():
+            folder.rmdir()
+        waiting.rename(folder)
+        sync_folder(folder.parent)
+    except FileError as error:
+        raise FileError(folder, f"cannot be written, {error.path.name} {error.problem}") from error
+    except OSError as error:
+        raise FileError(folder, f"cannot be written: {error.strerror or error}") from error
+    finally:
+        shutil.rmtree(waiting, ignore_errors=True)
+
+
+def require_new_folder(folder: Path) -> None:
+    """A `FileError` where there is something already."""
+    if folder.is_dir() and any(folder.iterdir()):
+        raise FileError(folder, "is not empty: a capture is written into a folder of its own; give another one")
+    if folder.exists() and not folder.is_dir():
+        raise FileError(folder, "expected a folder for the pictures, found a file")

@@ -1,0 +1,63 @@
+"""Small simulated rigs, and whether what was recorded is what was shown."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+
+from retrue.devices.options import SimulatedOptions
+from retrue.devices.protocols import CameraFrame
+from retrue.devices.simulated_rig import SimulatedFrame, SimulatedRig
+from retrue.patterns.gray_code import GrayCode
+
+SIZE = (128, 96)
+GRAY = GrayCode(SIZE).render()
+
+
+def small_rig(**options: Any) -> SimulatedRig:
+    """160 x 120 pixels, and a projector of 128 x 96."""
+    width, height = SIZE
+    settings: dict[str, Any] = {"scene": "wall", "projector_width": width, "projector_height": height}
+    return SimulatedRig(SimulatedOptions(width=160, height=120, **settings | options))
+
+
+class Witness:
+    """The camera of a simulated rig, which remembers the truth of every frame and counts them."""
+
+    triggered = False
+    name = "simulated camera"
+
+    def __init__(self, rig: SimulatedRig) -> None:
+        self.rig, self.frames = rig, 0
+        self._seen: list[SimulatedFrame] = []
+
+    @property
+    def exposure_ms(self) -> float | None:
+        return self.rig.camera.exposure_ms
+
+    def open(self) -> None: ...
+    def close(self) -> None: ...
+
+    def set_exposure(self, exposure_ms: float) -> None:
+        self.rig.camera.set_exposure(exposure_ms)
+
+    def frame(self) -> CameraFrame:
+        frame = self.rig.frame()
+        self.frames += 1
+        self._seen.append(frame)
+        return frame
+
+    def faults(self, shown: Sequence[Any], recorded: Sequence[CameraFrame]) -> list[str]:
+        """What is wrong with each picture that is not right: another one, or mixed."""
+        truth = {id(frame.picture): frame for frame in self._seen}
+        faults: list[str] = []
+        for number, (picture, frame) in enumerate(zip(shown, recorded, strict=True)):
+            true = truth[id(frame.picture)]
+            wide = picture if picture.ndim == 3 else np.repeat(picture[..., None], 3, axis=2)
+            if not np.array_equal(true.shown, wide):
+                faults.append(f"{number}: another picture")
+            elif not true.foreign < 1e-6:
+                faults.append(f"{number}: {true.foreign:.4f} of a row is of another picture")
+        return faults

@@ -1,0 +1,123 @@
+"""What is recorded is what was shown, whatever the camera does with its time."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+
+from retrue.devices.options import RecordOptions
+from retrue.devices.protocols import CameraFrame
+from retrue.devices.recorder import Recorder
+from retrue.errors import DeviceError, InputError
+from tests.devices.rigs import GRAY, SIZE, Witness, small_rig
+
+
+def recorded(options: dict[str, Any]) -> tuple[Witness, Recorder, list[CameraFrame]]:
+    rig = small_rig(**options)
+    camera = Witness(rig)
+    recorder = Recorder(camera, rig.projector)
+    return camera, recorder, recorder.record(GRAY)
+
+
+@pytest.mark.parametrize("lag", range(6))
+def test_each_picture_takes_little_more_than_two_frames_whatever_the_lag(lag):
+    rig = small_rig(lag_frames=lag)
+    camera = Witness(rig)
+    recorder = Recorder(camera, rig.projector)
+    recorder.record(GRAY[:4])  # measures
+    before = camera.frames
+    pictures = [GRAY[number % len(GRAY)] for number in range(42)]
+    frames = recorder.record(pictures)
+    assert camera.faults(pictures, frames) == []
+    assert camera.frames - before <= 2.5 * len(pictures)
+
+
+@pytest.mark.parametrize(
+    "options",
+    [
+        {"readout": 0.9, "exposure_ms": 20.0, "bright_ms": 20.0},  # every change falls into some row's exposure
+        {"readout": 0.5, "exposure_ms": 15.0, "bright_ms": 15.0, "fps": 29.3, "drop": 0.03},  # and drifts through it
+        {"readout": 0.5, "drop": 0.1, "seed": 3},
+        {"readout": 0.5, "drop": 0.03, "lag_frames": 0, "lag_jitter_frames": 1, "seed": 1},
+        {"readout": 0.5, "drop": 0.03, "lag_frames": 0, "lag_jitter_frames": 5, "seed": 4},
+        {"gamma": 2.2, "electrons": 2000.0, "lag_frames": 4, "drop": 0.02},
+        {"scene": "glossy", "refresh_hz": 0.0, "ambient": 0.3},
+    ],
+    ids=["rolling", "drifting", "dropping", "jitter", "much-jitter", "gamma", "glossy"],
+)
+def test_no_frame_is_mixed_wrong_or_lost(options):
+    camera, _, frames = recorded(options)
+    assert camera.faults(GRAY, frames) == []
+
+
+def test_what_looks_the_same_to_the_camera_is_recorded_all_the_same():
+    rig = small_rig(lag_jitter_frames=2)
+    camera = Witness(rig)
+    half = np.zeros((SIZE[1], SIZE[0]), np.uint8)
+    half[0] = 255  # out of the camera's sight
+    pictures = [half, np.zeros_like(half), half, 255 - half]
+    assert camera.faults(pictures, Recorder(camera, rig.projector).record(pictures)) == []
+
+
+def test_the_rig_may_be_bumped_between_two_records():
+    rig = small_rig()
+    camera = Witness(rig)
+    recorder = Recorder(camera, rig.projector)
+    recorder.record(GRAY)
+    rig.bump((2.0, -3.0, 1.0))
+    assert camera.faults(GRAY, recorder.record(GRAY)) == []
+
+
+def test_a_camera_that_looks_elsewhere_is_told_so():
+    rig = small_rig(ambient=1.0, bright_ms=1e6)
+    with pytest.raises(
+        DeviceError, match=r"does not see what simulated projector shows: its white is .* point it there"
+    ):
+        Recorder(rig.camera, rig.projector).record(GRAY)
+
+
+def test_pictures_for_another_projector_are_refused():
+    rig = small_rig()
+    with pytest.raises(InputError, match="expected 128 x 96 pixels for simulated projector, found 96 x 128"):
+        Recorder(rig.camera, rig.projector).record([GRAY[0].T])
+
+
+def test_what_never_stands_still_is_not_recorded():
+    rig = small_rig()
+    options = RecordOptions(attempts=2, max_lag_frames=8)
+    recorder = Recorder(rig.camera, rig.projector, options)
+    recorder.measure()
+
+    class Moving(Witness):
+        """Somebody waves a lamp before it."""
+
+        def frame(self) -> CameraFrame:
+            frame = super().frame()
+            shade = np.uint8(60 + 50 * (self.frames % 3))
+            return CameraFrame(frame.picture // 2 + shade, frame.at)
+
+    recorder.camera = Moving(rig)
+    with pytest.raises(DeviceError, match="no frame shows picture 1 of 1 as it stands still: is something moving"):
+        recorder.record([GRAY[0]])
+
+
+def test_a_camera_that_is_triggered_takes_one_frame_a_picture():
+    rig = small_rig(lag_frames=0)
+
+    class Triggered(Witness):
+        """Exposes after it is asked."""
+
+        triggered = True
+
+        def frame(self) -> CameraFrame:
+            for _ in range(3):
+                frame = super().frame()
+            return frame
+
+    camera = Triggered(rig)
+    recorder = Recorder(camera, rig.projector)
+    frames = recorder.record(GRAY)
+    assert camera.faults(GRAY, frames) == []
+    assert camera.frames == 3 * (len(GRAY) + 2)
