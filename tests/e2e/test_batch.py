@@ -52,3 +52,17 @@ def test_what_cannot_be_done(retrue, files, job):
     retrue("batch", job, "--workers", "1").require_complaint("none.json")
     job.write_text(job.read_text() + 'pattern = "rig.json"\n')
     retrue("batch", job, "--workers", "1").require_complaint("json")
+
+
+def test_what_was_measured_before_anybody_knew_is_made_again(retrue, files, job):
+    retrue("rescan", job, "--workers", "1").require_complaint("no history")
+    assert retrue("recalibrate", files.before, files.points, "--in-place").status == 0
+    listed = retrue("rescan", job, "--workers", "1", "--list")
+    assert listed.status == 1
+    assert "3 of 3 captures" in listed.out
+    assert max(map(len, listed.out.splitlines()[1:])) <= 80
+    report = retrue("rescan", job, "--workers", "1", "--json").json
+    assert [item["fits"] for item in report["jobs"][0]["stale"]] == [2, 2, 2]
+    assert names(files.folder / "out/clouds") == ["0.csv.ply", "1.csv.ply", "2.csv.ply"]
+    assert retrue("rescan", job, "--since", "2999-01-01", "--workers", "1").status == 0
+    retrue("rescan", job, "--since", "soon").require_complaint("--since", "2026-11-24")

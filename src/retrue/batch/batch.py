@@ -68,31 +68,32 @@ class Batch:
 
     def rows(self) -> list[Row]:
         """Every capture, in their order."""
-        looks = [self._look(number) for number in range(len(self.job.captures))]
+        looks = [self.look(number) for number in range(len(self.job.captures))]
         if "recalibrate" not in self.job.do:
-            results = self._results("captures", looks)
+            results = self.results("captures", looks)
             return [_row(task, results[task.name]) for task in looks]
-        kept = [replace(task, verify=True, cloud=None, points=self._points(task)) for task in looks]
+        kept = [replace(task, verify=True, cloud=None, points=self.points_path(task)) for task in looks]
         verified = self._verified_in_order(kept)
         if "reconstruct" not in self.job.do:
             return verified
         holding = [row for row in verified if not row.failed]
         clouds = [
-            replace(task, verify=False, rig=row.rig, points=self._points(task))
+            replace(task, verify=False, rig=row.rig, points=self.points_path(task))
             for task, row in zip(looks, verified, strict=True)
             if not row.failed
         ]
-        made = self._results("clouds", clouds)
+        made = self.results("clouds", clouds)
         rows = {row.name: _row_with(row, made[row.name]) for row in holding}
         return [rows.get(row.name, row) for row in verified]
 
-    def _look(self, number: int) -> Look:
+    def look(self, number: int) -> Look:
+        """What the job asks of a capture, with the rig that it names."""
         job, name = self.job, self.job.names[number]
         cloud = job.out / "clouds" / f"{name}.ply" if "reconstruct" in job.do else None
         verify = bool({"verify", "recalibrate"} & job.do)
         return Look(name, job.captures[number], job.pattern, job.rig, job.limits, verify, None, cloud)
 
-    def _points(self, task: Look) -> Path:
+    def points_path(self, task: Look) -> Path:
         """Where what is decoded of this capture is kept: of the picture as it is now, and no other."""
         try:
             digest = _digest([self._stamp(task), self._digest(task.pattern)])
@@ -103,7 +104,7 @@ class Batch:
     def _verified_in_order(self, looks: Sequence[Look]) -> list[Row]:
         """Follow the rig through time; a rig that the captures give holds from the first that had drifted."""
         options = StreakOptions(**self.job.limits.get("streak", {}))
-        first = self._results("captures", looks)  # decoded once, all at once
+        first = self.results("captures", looks)  # decoded once, all at once
         rows: list[Row] = []
         rig, begun, streak, tried = self.job.rig, -1, Streak(), set[tuple[Path, tuple[int, ...]]]()
         found = dict(first)
@@ -112,7 +113,7 @@ class Batch:
             task = replace(looks[number], rig=rig)
             if task.name not in found:
                 block = [replace(item, rig=rig) for item in looks[number : number + AHEAD]]
-                found |= self._results("", [item for item in block if item.name not in found])
+                found |= self.results("", [item for item in block if item.name not in found])
             row = _row(task, found[task.name])
             rows.append(row)
             streak = _after(streak, number, row, options)
@@ -137,15 +138,15 @@ class Batch:
 
     def _renewed(self, rig: Path, looks: Sequence[Look]) -> Path | None:
         """The rig that these captures give; None where they give none."""
-        points = tuple(self._points(task) for task in looks)
+        points = tuple(self.points_path(task) for task in looks)
         names = [task.name for task in looks]
         context = _digest([self._digest(rig), names, [self.stamps[name] for name in names]])
         out = self.job.out / "rigs" / f"{looks[0].name}.{context[:8]}.json"
         task = Renew(f"rig from {names[0]}", points, rig, self.job.limits, out)
-        result = self._results("", [task])[task.name]
+        result = self.results("", [task])[task.name]
         return None if "refused" in result or "lost" in result else out
 
-    def _results(self, what: str, tasks: Sequence[Look | Renew]) -> dict[str, Mapping[str, Any]]:
+    def results(self, what: str, tasks: Sequence[Look | Renew]) -> dict[str, Mapping[str, Any]]:
         """Of each task by its name: known, or done now."""
         results: dict[str, Mapping[str, Any]] = {}
         todo: list[Look | Renew] = []
@@ -197,6 +198,14 @@ class Batch:
 
 def run_batch(job: Job, runner: Runner, progress: Progress) -> tuple[list[Row], int]:
     """Rows of all captures, and how many tasks that took now. Raises `FileError` for a rig or pattern of no use."""
+    prepared(job)
+    with opened_ledger(job.out) as ledger:
+        batch = Batch(job, runner, ledger, progress)
+        return batch.rows(), batch.done
+
+
+def prepared(job: Job) -> None:
+    """With rig and pattern that can be read, and a folder to write to; else a `FileError`."""
     read_rig(job.rig)
     if job.pattern is not None:
         from retrue.files.patterns import read_pattern
@@ -206,9 +215,6 @@ def run_batch(job: Job, runner: Runner, progress: Progress) -> tuple[list[Row], 
         job.out.mkdir(parents=True, exist_ok=True)
     except OSError as error:
         raise FileError(job.out, f"cannot be made a folder: {error.strerror or error}") from error
-    with opened_ledger(job.out) as ledger:
-        batch = Batch(job, runner, ledger, progress)
-        return batch.rows(), batch.done
 
 
 def _after(streak: Streak, number: int, row: Row, options: StreakOptions) -> Streak:

@@ -150,6 +150,7 @@ def _verification_values(found: Verification) -> dict[str, Any]:
         "drift": None if found.drift is None else plain(asdict(found.drift)),
         "drift_sigmas": plain(found.drift_sigmas),
         "sigma": None if found.sigma is None else plain(asdict(found.sigma)),
+        "working_distance": plain(found.working_distance),
     }
 
 

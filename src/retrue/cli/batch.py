@@ -59,7 +59,7 @@ class Batch(Command):
         rows: list[Row] = []
         tasks = 0
         reports: list[dict[str, Any]] = []
-        with self._runner() as runner:
+        with runner_of(self.workers, self.scheduler, self.dask) as runner:
             for job in jobs:
                 found, done = run_batch(job, runner, lambda what, done, total: terminal.progress(what)(done, total))
                 write_summary(job.out, found)
@@ -82,13 +82,15 @@ class Batch(Command):
 
         return batch_page(counts(rows), [values(row) for row in rows])
 
-    def _runner(self) -> Pool | Dask:
-        from retrue.batch.runners import Dask, Pool
 
-        workers = (os.cpu_count() or 1) if self.workers is None else self.workers
-        if not workers >= 1:
-            raise InputError(f"--workers: expected 1 or more, found {workers}")
-        return Dask(self.scheduler, workers) if self.dask or self.scheduler is not None else Pool(workers)
+def runner_of(workers: int | None, scheduler: str | None, dask: bool) -> Pool | Dask:
+    """Who does the work, as the options say."""
+    from retrue.batch.runners import Dask, Pool
+
+    workers = (os.cpu_count() or 1) if workers is None else workers
+    if not workers >= 1:
+        raise InputError(f"--workers: expected 1 or more, found {workers}")
+    return Dask(scheduler, workers) if dask or scheduler is not None else Pool(workers)
 
 
 def _told(report: dict[str, Any]) -> str:
