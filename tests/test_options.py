@@ -36,7 +36,7 @@ def is_number(hint: Any) -> bool:
 def test_every_number_of_every_options_class_declares_its_range() -> None:
     assert {kind.__name__ for kind in CLASSES} == {
         "CadOptions", "CalibrationOptions", "RecalibrateOptions", "ReconstructOptions", "RecordOptions",
-        "SimulateOptions", "SimulatedOptions", "VerifyOptions", "WatchOptions",
+        "SimulateOptions", "SimulatedOptions", "StreakOptions", "VerifyOptions", "WatchOptions",
     }  # fmt: skip
     for kind in CLASSES:
         hints = get_type_hints(kind)

@@ -40,6 +40,8 @@ EXAMPLES: dict[str, tuple[str, ...]] = {
     ),
     "view": ("retrue view rig.json cloud.ply",),
     "watch": ("retrue watch rig.json incoming/ --pattern pattern.json --out watch-out",),
+    "batch": ("retrue batch job.toml --report page.html",),
+    "rescan": ("retrue rescan job.toml --since 2026-11-24T06:00",),
     "history": ("retrue history rig.json --plot drift.png",),
     "rollback": ("retrue rollback rig.json 3",),
     "diff": ("retrue diff rig.json new.json --working-distance 1500",),

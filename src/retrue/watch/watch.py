@@ -15,8 +15,7 @@ from retrue.errors import FileError, RetrueError
 from retrue.files.history import write_in_place
 from retrue.files.rigs import read_rig
 from retrue.recalibration.result import Accepted, Verification
-from retrue.rig import Rig
-from retrue.watch.decide import (
+from retrue.recalibration.streak import (
     Drifted,
     Streak,
     after_drifted,
@@ -26,6 +25,7 @@ from retrue.watch.decide import (
     attempts,
     is_due,
 )
+from retrue.rig import Rig
 from retrue.watch.events import EventLog
 from retrue.watch.frame import Frame, Source
 from retrue.watch.frame_queue import FrameQueue

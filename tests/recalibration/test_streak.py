@@ -7,7 +7,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from retrue.errors import InputError
-from retrue.watch.decide import (
+from retrue.recalibration.streak import (
     Drifted,
     Streak,
     after_drifted,

@@ -9,7 +9,38 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 
-from retrue.watch.options import WatchOptions
+from retrue.errors import InputError
+from retrue.ranges import check_ranges, ranged
+
+
+@dataclass(frozen=True, slots=True)
+class StreakOptions:
+    """When it is time to recalibrate.
+
+    Attributes
+    ----------
+    drifted_frames
+        Frames that must have drifted, with none in between that is good, before the rig is recalibrated.
+    joint_frames
+        Frames that are solved together: those among the drifted that know their pose best.
+    remembered_frames
+        Drifted frames that are kept to choose from.
+    forget_after
+        Unknown frames in a row (dark, no plane) after which drifted ones before them no longer count.
+    """
+
+    drifted_frames: int = ranged(3, 1)
+    joint_frames: int = ranged(5, 1)
+    remembered_frames: int = ranged(8, 1)
+    forget_after: int = ranged(10, 1)
+
+    def __post_init__(self) -> None:
+        check_ranges(self)
+        if not self.remembered_frames >= self.drifted_frames:
+            raise InputError(
+                f"remembered_frames: expected at least {self.drifted_frames} as drifted_frames says, "
+                f"found {self.remembered_frames}"
+            )
 
 
 @dataclass(frozen=True, slots=True)
@@ -41,10 +72,10 @@ def after_good() -> Streak:
     return Streak()
 
 
-def after_drifted(streak: Streak, frame: Drifted, options: WatchOptions) -> Streak:
+def after_drifted(streak: Streak, frame: Drifted, options: StreakOptions) -> Streak:
     """One more, the oldest forgotten where there are too many.
 
-    >>> options = WatchOptions(drifted_frames=2, remembered_frames=2)
+    >>> options = StreakOptions(drifted_frames=2, remembered_frames=2)
     >>> streak = Streak()
     >>> for number in (7, 8, 9):
     ...     streak = after_drifted(streak, Drifted(number, 0.1), options)
@@ -55,19 +86,19 @@ def after_drifted(streak: Streak, frame: Drifted, options: WatchOptions) -> Stre
     return Streak(kept, streak.untried + 1)
 
 
-def after_unknown(streak: Streak, options: WatchOptions) -> Streak:
+def after_unknown(streak: Streak, options: StreakOptions) -> Streak:
     """The same streak, until so many could not tell that it may be another scene by now."""
     if streak.unknown + 1 >= options.forget_after:
         return Streak()
     return replace(streak, unknown=streak.unknown + 1)
 
 
-def is_due(streak: Streak, options: WatchOptions) -> bool:
+def is_due(streak: Streak, options: StreakOptions) -> bool:
     """Whether as many frames drifted, since the last attempt, as it takes."""
     return streak.untried >= options.drifted_frames
 
 
-def attempts(streak: Streak, options: WatchOptions) -> list[tuple[int, ...]]:
+def attempts(streak: Streak, options: StreakOptions) -> list[tuple[int, ...]]:
     """Numbers of the frames to solve together: the best of all; and, if that is refused, the newest alone.
 
     The first uses most; the second succeeds where the rig moved again within the streak.

@@ -1,0 +1,135 @@
+"""What a batch is to do: job.toml, one table or several `[[job]]`; paths count from where the file lies."""
+
+from __future__ import annotations
+
+import glob
+import os
+import tomllib
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any, Literal, cast, get_args
+
+from retrue.errors import FileError, InputError
+from retrue.files.atomic import read_text
+from retrue.files.images import SUFFIXES, natural_key
+from retrue.recalibration.options import RecalibrateOptions
+from retrue.recalibration.streak import StreakOptions
+from retrue.recalibration.verify import VerifyOptions
+from retrue.reconstruction.options import ReconstructOptions
+
+LARGEST_JOB = 2**22  # bytes
+Do = Literal["verify", "recalibrate", "reconstruct"]
+Order = Literal["name", "time"]
+KEYS = {"rig", "pattern", "captures", "do", "out", "order", "limits"}
+LIMITS: dict[str, type[Any]] = {
+    "streak": StreakOptions,
+    "verify": VerifyOptions,
+    "recalibrate": RecalibrateOptions,
+    "reconstruct": ReconstructOptions,
+}
+
+
+@dataclass(frozen=True, slots=True)
+class Job:
+    """One rig and its captures.
+
+    Attributes
+    ----------
+    captures : in the order in which they were taken.
+    names : of each capture, below the folder that they have in common; results are named so.
+    do : what to do with them. "recalibrate" goes through all in their order, finds when the rig had moved, and uses
+        from there on the rig that they give.
+    limits : options of the methods that differ from what is usual, by method.
+    """
+
+    rig: Path
+    pattern: Path | None
+    captures: tuple[Path, ...]
+    names: tuple[str, ...]
+    do: frozenset[Do]
+    out: Path
+    limits: Mapping[str, Mapping[str, Any]] = field(default_factory=dict[str, Any])
+
+
+def read_jobs(path: Path) -> list[Job]:
+    """All jobs of a file. Raises `FileError` that names the key."""
+    try:
+        document = tomllib.loads(read_text(path, LARGEST_JOB))
+    except (tomllib.TOMLDecodeError, RecursionError) as error:
+        raise FileError(path, f"expected TOML, found {error}") from error
+    tables: Any = document.get("job", [document])
+    if not isinstance(tables, list) or not tables or ("job" in document and set(document) != {"job"}):
+        raise FileError(path, "expected one table, or several [[job]] and nothing else")
+    jobs = [_job(path, table) for table in cast("list[Any]", tables)]
+    outs = [job.out for job in jobs]
+    if len(set(outs)) < len(outs):
+        raise FileError(path, "out: expected a folder of its own for each job, found one twice")
+    return jobs
+
+
+def _job(path: Path, table: Any) -> Job:
+    if not isinstance(table, dict):
+        raise FileError(path, "job: expected a table, found something else")
+    found = cast("dict[str, Any]", table)
+    if unknown := sorted(set(found) - KEYS):
+        raise FileError(path, f"{unknown[0]}: no such key; expected {', '.join(sorted(KEYS))}")
+    folder = path.parent
+    captures, names = _captures(path, _text(path, found, "captures"), _order(path, found))
+    do = found.get("do", ["verify"])
+    do = [do] if isinstance(do, str) else do
+    if not isinstance(do, list) or not do or not set(cast("list[Any]", do)) <= set(get_args(Do)):
+        raise FileError(path, f"do: expected a list of {', '.join(get_args(Do))}, found {do!r:.60}")
+    return Job(
+        folder / _text(path, found, "rig"),
+        folder / _text(path, found, "pattern") if "pattern" in found else None,
+        captures,
+        names,
+        frozenset(cast("list[Do]", do)),
+        folder / _text(path, found, "out"),
+        _limits(path, found.get("limits", {})),
+    )
+
+
+def _text(path: Path, table: Mapping[str, Any], key: str) -> str:
+    if not isinstance(table.get(key), str) or not table[key] or "\0" in table[key]:
+        raise FileError(path, f"{key}: expected a path in quotes, found {table.get(key)!r:.60}")
+    return table[key]
+
+
+def _order(path: Path, table: Mapping[str, Any]) -> Order:
+    order = table.get("order", "name")
+    if order not in get_args(Order):
+        raise FileError(path, f'order: expected "name" or "time" (when the files last changed), found {order!r:.60}')
+    return order
+
+
+def _captures(path: Path, pattern: str, order: Order) -> tuple[tuple[Path, ...], tuple[str, ...]]:
+    """What the glob names that may be a capture: pictures, tables of points, folders."""
+    try:
+        found = [Path(name) for name in glob.glob(pattern, root_dir=path.parent, recursive=True)]  # noqa: PTH207
+        found = [path.parent / name for name in found]
+    except (OSError, ValueError) as error:
+        raise FileError(path, f"captures: cannot be looked for: {error}") from error
+    captures = {item for item in found if item.is_dir() or item.suffix.lower() in SUFFIXES | {".csv"}}
+    if not captures:
+        raise FileError(path, f"captures: expected pictures, folders or points CSVs, found none of the name {pattern}")
+    parents = [str(item.parent) for item in captures]
+    common = Path(os.path.commonpath(parents))
+    names = {item: item.relative_to(common).as_posix() for item in captures}
+    ordered = sorted(captures, key=lambda item: (natural_key(names[item]), names[item]))
+    if order == "time":
+        ordered.sort(key=lambda item: item.stat().st_mtime_ns)
+    return tuple(ordered), tuple(names[item] for item in ordered)
+
+
+def _limits(path: Path, table: Any) -> dict[str, dict[str, Any]]:
+    if not isinstance(table, dict) or not set(cast("dict[str, Any]", table)) <= set(LIMITS):
+        raise FileError(path, f"limits: expected tables {', '.join(f'limits.{name}' for name in LIMITS)}")
+    limits = cast("dict[str, dict[str, Any]]", table)
+    for name, values in limits.items():
+        try:
+            LIMITS[name](**values)
+        except (TypeError, InputError) as error:
+            raise FileError(path, f"limits.{name}: {error}") from error
+    return limits

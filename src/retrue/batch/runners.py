@@ -1,0 +1,172 @@
+"""Who runs tasks: a pool of processes on this machine, or Dask on many. Both hand in what is done as it is done."""
+
+from __future__ import annotations
+
+import multiprocessing
+import os
+import signal
+import threading
+from collections import deque
+from collections.abc import Callable, Iterable, Iterator
+from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
+from concurrent.futures.process import BrokenProcessPool
+from multiprocessing.connection import wait as wait_for
+from types import TracebackType
+from typing import Any, Protocol, TypeVar
+
+from retrue.errors import InputError
+
+T = TypeVar("T")
+Work = Callable[[T], dict[str, Any]]
+AHEAD = 3  # tasks that wait for each worker: as many as it takes to keep it busy
+DIED = "its process died: killed, or out of memory"
+
+
+class Runner(Protocol):
+    """Takes tasks as room is free, and yields each with its result, in the order in which they end.
+
+    A result under the key `lost` is the reason why there is none, and another run may have more luck.
+    """
+
+    def run(self, work: Work[T], tasks: Iterable[T]) -> Iterator[tuple[T, dict[str, Any]]]:
+        """All of them."""
+        ...
+
+
+class Pool:
+    """Processes of this machine. Tasks that one of them died with are run again, each by itself, and once."""
+
+    def __init__(self, workers: int) -> None:
+        self._workers = workers
+        self._pool: ProcessPoolExecutor | None = None
+
+    def __enter__(self) -> Pool:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, where: TracebackType | None
+    ) -> None:
+        if self._pool is not None:
+            self._pool.shutdown(wait=True, cancel_futures=True)
+
+    def run(self, work: Work[T], tasks: Iterable[T]) -> Iterator[tuple[T, dict[str, Any]]]:
+        """As `Runner` says."""
+        waiting = iter(tasks)
+        suspects: deque[T] = deque()
+        flying: dict[Future[dict[str, Any]], T] = {}
+        ended = False
+        while True:
+            alone = bool(suspects)
+            while not ended and not alone and len(flying) < self._workers * (1 + AHEAD):
+                task = next(waiting, None)
+                if task is None:
+                    ended = True
+                else:
+                    flying[self._submit(work, task)] = task
+            if alone and not flying:
+                flying[self._submit(work, suspects[0])] = suspects[0]
+            if not flying:
+                return
+            done, _ = wait(flying, return_when=FIRST_COMPLETED)
+            broken: list[T] = []
+            for future in done:
+                task = flying.pop(future)
+                try:
+                    result = future.result()
+                except BrokenProcessPool:
+                    broken.append(task)
+                    continue
+                except Exception as error:
+                    result = lost(error)
+                if alone:
+                    suspects.popleft()
+                yield task, result
+            if broken:
+                self._pool = None
+                if alone:
+                    yield suspects.popleft(), {"lost": DIED}
+                else:
+                    suspects.extend([*broken, *flying.values()])
+                    flying.clear()
+
+    def _submit(self, work: Work[T], task: T) -> Future[dict[str, Any]]:
+        for _ in range(2):
+            if self._pool is None:
+                context = multiprocessing.get_context("spawn")
+                self._pool = ProcessPoolExecutor(self._workers, context, _begin)
+            try:
+                return self._pool.submit(work, task)
+            except BrokenProcessPool:  # a worker was killed while it was idle
+                self._pool = None
+        raise InputError("workers: every process that was started died at once")
+
+
+class Dask:
+    """Workers of Dask: those of a scheduler, or processes of this machine where no address is given."""
+
+    def __init__(self, scheduler: str | None, workers: int) -> None:
+        try:
+            from distributed import Client, LocalCluster
+        except ImportError as error:
+            raise InputError("Dask: expected distributed, found none; pip install 'retrue[dask]'") from error
+        try:
+            self._cluster: Any = None
+            if scheduler is None:
+                self._cluster = LocalCluster(n_workers=workers, threads_per_worker=1, dashboard_address=":0")
+            self._client: Any = Client(scheduler or self._cluster)
+        except (OSError, ValueError) as error:
+            raise InputError(f"scheduler: expected the address of a Dask scheduler, found none: {error}") from error
+
+    def __enter__(self) -> Dask:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, where: TracebackType | None
+    ) -> None:
+        self._client.close()
+        if self._cluster is not None:
+            self._cluster.close()
+
+    def run(self, work: Work[T], tasks: Iterable[T]) -> Iterator[tuple[T, dict[str, Any]]]:
+        """As `Runner` says; Dask itself runs again what a worker that died was doing."""
+        from distributed import as_completed
+
+        waiting = iter(tasks)
+        flying: dict[str, T] = {}
+        futures: Any = as_completed()
+
+        def submit() -> None:
+            task = next(waiting, None)
+            if task is not None:
+                future: Any = self._client.submit(work, task, pure=False)
+                flying[future.key] = task
+                futures.add(future)
+
+        threads: dict[str, int] = self._client.nthreads()
+        for _ in range(max(1, sum(threads.values())) * (1 + AHEAD)):
+            submit()
+        while flying:
+            future = next(futures)
+            submit()
+            task = flying.pop(future.key)
+            yield task, future.result() if future.status == "finished" else lost(future.exception())
+
+
+def lost(error: object) -> dict[str, Any]:
+    """A result that says why there is none."""
+    return {"lost": " ".join(f"{type(error).__name__}: {error}".split())}
+
+
+def _begin() -> None:
+    """In a worker: the parent alone hears Ctrl-C; no worker outlives it; and each keeps to one core."""
+    for name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "OPENCV_FOR_THREADS_NUM"):
+        os.environ.setdefault(name, "1")  # read by libraries that are not loaded yet
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    threading.Thread(target=_end_with_parent, daemon=True).start()
+
+
+def _end_with_parent() -> None:
+    parent = multiprocessing.parent_process()
+    if parent is not None:
+        wait_for([parent.sentinel])
+        os._exit(1)

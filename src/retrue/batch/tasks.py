@@ -1,0 +1,189 @@
+"""What a worker does. Paths and plain values travel to it and back, and pictures never."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import asdict, dataclass
+from functools import lru_cache
+from pathlib import Path
+from typing import Any, TypeVar, cast
+from zipfile import BadZipFile
+
+import numpy as np
+
+from retrue.batch.job import LIMITS
+from retrue.correspondences import OPTIONAL_COLUMNS, SIZES, Correspondences
+from retrue.errors import FileError, RetrueError
+from retrue.files.atomic import replaced_file
+from retrue.files.rigs import read_rig, write_rig
+from retrue.plain_json import plain
+from retrue.recalibration.result import Accepted, Verification
+from retrue.rig import Rig
+
+T = TypeVar("T")
+Limits = Mapping[str, Mapping[str, Any]]
+DISAGREE = "the captures do not agree on one pose: the rig, or something before it, was still moving"
+
+
+@dataclass(frozen=True, slots=True)
+class Look:
+    """Look at one capture: decode it, or take what was decoded before; verify; make a cloud.
+
+    Attributes
+    ----------
+    points : where what was decoded is kept, or lies; None where nobody will ask again.
+    cloud : where to; None for none.
+    """
+
+    name: str
+    capture: Path
+    pattern: Path | None
+    rig: Path
+    limits: Limits
+    verify: bool
+    points: Path | None = None
+    cloud: Path | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class Renew:
+    """Recalibrate from captures that were decoded."""
+
+    name: str
+    points: tuple[Path, ...]
+    rig: Path
+    limits: Limits
+    out: Path
+
+
+def look(task: Look) -> dict[str, Any]:
+    """How many correspondences, what `verify` says, and the cloud; or why not, which another try would not change."""
+    from retrue.files.models import write_cloud
+    from retrue.reconstruction.reconstruct import reconstruct
+
+    rig = _cached(task.rig, _date(task.rig), read_rig)
+    try:
+        points = _points(task, rig)
+        result: dict[str, Any] = {"correspondences": len(points)}
+        if task.verify:
+            from retrue.recalibration.verify import verify
+
+            result |= _verification_values(verify(rig, [points], _options(task.limits, "verify")))
+        if task.cloud is None:
+            return result
+        cloud = reconstruct(rig, points, _options(task.limits, "reconstruct"))
+    except RetrueError as error:
+        return {"failed": error.problem if isinstance(error, FileError) else str(error)}
+    task.cloud.parent.mkdir(parents=True, exist_ok=True)
+    write_cloud(task.cloud, cloud)
+    return result | {"points": len(cloud.points)}
+
+
+def renew(task: Renew) -> dict[str, Any]:
+    """A rig that all these captures agree with, written; or the reason why there is none."""
+    from retrue.recalibration.recalibrate import recalibrate
+    from retrue.recalibration.verify import verify
+
+    rig, captures = read_rig(task.rig), [read_kept(path) for path in task.points]
+    try:
+        result = recalibrate(rig, captures, _options(task.limits, "recalibrate"))
+        if not isinstance(result, Accepted):
+            return {"refused": result.reason}
+        options = _options(task.limits, "verify")
+        verdicts = [verify(result.rig, [points], options).verdict for points in captures]
+    except RetrueError as error:
+        return {"refused": str(error)}
+    if "drifted" in verdicts or "good" not in verdicts:
+        return {"refused": DISAGREE}
+    task.out.parent.mkdir(parents=True, exist_ok=True)
+    write_rig(task.out, result.rig)
+    change, sigma = result.evidence.change, result.evidence.sigma
+    return {
+        "reason": result.reason,
+        "change": None if change is None else plain(asdict(change)),
+        "sigma": None if sigma is None else plain(asdict(sigma)),
+    }
+
+
+def _points(task: Look, rig: Rig) -> Correspondences:
+    """Decoded, and of this rig; kept where somebody will ask again."""
+    from retrue.files.captures import pictures_size, read_capture
+    from retrue.files.patterns import read_pattern
+    from retrue.rasters import check_extent, check_pattern, check_pictures, check_rasters
+
+    if task.points is not None and task.points.exists():
+        return read_kept(task.points)
+    pattern = None
+    if task.pattern is not None:
+        pattern = _cached(task.pattern, _date(task.pattern), read_pattern)
+        check_pattern(rig, pattern.projector_size, task.pattern)
+        if (size := pictures_size(task.capture)) is not None:
+            check_pictures(rig, size, task.capture)
+    points = read_capture(task.capture, pattern)
+    check_rasters(rig, points, task.capture)
+    check_extent(rig, points, task.capture)
+    if task.points is not None:
+        task.points.parent.mkdir(parents=True, exist_ok=True)
+        keep(task.points, points)
+    return points
+
+
+@lru_cache(maxsize=16)
+def _cached(path: Path, _date: int, read: Callable[[Path], T]) -> T:
+    """What many captures have in common, read once."""
+    return read(path)
+
+
+def _date(path: Path) -> int:
+    return path.stat().st_mtime_ns if path.exists() else 0
+
+
+def _options(limits: Limits, name: str) -> Any:
+    return LIMITS[name](**limits.get(name, {}))
+
+
+def _verification_values(found: Verification) -> dict[str, Any]:
+    return {
+        "verdict": found.verdict,
+        "reason": found.reason,
+        "epipolar_rms_px": plain(found.epipolar_rms_px),
+        "drift": None if found.drift is None else plain(asdict(found.drift)),
+        "drift_sigmas": plain(found.drift_sigmas),
+        "sigma": None if found.sigma is None else plain(asdict(found.sigma)),
+        "working_distance": plain(found.working_distance),
+    }
+
+
+def keep(path: Path, points: Correspondences) -> None:
+    """Correspondences as arrays, bit for bit and soon: what a decoder found, until the rig is known."""
+    names = ("camera_px", "projector_px", *OPTIONAL_COLUMNS, *SIZES)
+    held: dict[str, Any] = {name: value for name in names if (value := getattr(points, name)) is not None}
+    with replaced_file(path) as stream:
+        np.savez(stream, **held)
+
+
+def read_kept(path: Path) -> Correspondences:
+    """What `keep` wrote. Raises `FileError`."""
+    try:
+        with np.load(path, allow_pickle=False) as held:
+            arrays = cast("dict[str, Any]", dict(held))
+    except (OSError, ValueError, KeyError, BadZipFile) as error:
+        raise FileError(path, f"cannot be read: {error}; remove it to decode again") from error
+    arrays |= {name: tuple(arrays[name].tolist()) for name in SIZES if name in arrays}
+    return Correspondences(**arrays)
+
+
+def work(task: Look | Renew) -> dict[str, Any]:
+    """Either task, under one name for every scheduler."""
+    return look(task) if isinstance(task, Look) else renew(task)
+
+
+def paths_of(task: Look | Renew) -> tuple[Path, ...]:
+    """What the task leaves that the next one with another rig writes over."""
+    left = task.out if isinstance(task, Renew) else task.cloud
+    return () if left is None else (left,)
+
+
+def is_kept(task: Look | Renew) -> bool:
+    """Whether what was decoded still lies there, where others count on it."""
+    return isinstance(task, Renew) or task.cloud is not None or task.points is None or task.points.exists()
