@@ -85,7 +85,7 @@ def _recalibrate(
     verdict = "unchanged" if "unchanged" in words or getattr(result, "unchanged", False) else "accepted"
     if not ((off <= WRONG_DEG) | (off <= WRONG_SIGMAS * stated)).all():
         verdict = "wrong"
-    covariance = evidence.details.get("covariance_total")
+    covariance = evidence.details.get("covariance")
     nees = None if covariance is None else float(error @ np.linalg.solve(np.array(covariance, dtype=float), error))
     return {
         "verdict": verdict,

@@ -55,6 +55,7 @@ from retrue.patterns.color_grid import make_color_grid as make_color_grid
 from retrue.patterns.gray_code import GrayCode as GrayCode
 from retrue.recalibration.options import KnownDistance as KnownDistance
 from retrue.recalibration.options import RecalibrateOptions as RecalibrateOptions
+from retrue.recalibration.options import VerifyOptions as VerifyOptions
 from retrue.recalibration.reasons import Reason as Reason
 from retrue.recalibration.recalibrate import recalibrate as recalibrate
 from retrue.recalibration.result import Accepted as Accepted
@@ -64,7 +65,6 @@ from retrue.recalibration.result import PoseChange as PoseChange
 from retrue.recalibration.result import PoseSigma as PoseSigma
 from retrue.recalibration.result import Refused as Refused
 from retrue.recalibration.result import Verification as Verification
-from retrue.recalibration.verify import VerifyOptions as VerifyOptions
 from retrue.recalibration.verify import verify as verify
 from retrue.reconstruction.cloud import Cloud as Cloud
 from retrue.reconstruction.cloud import Mesh as Mesh

@@ -184,3 +184,35 @@ def test_options_reach_the_job(retrue, files):
 def test_json_has_no_nan(retrue, files):
     run = retrue("verify", files.rig, files.points, "--json")
     json.loads(run.out, parse_constant=lambda constant: pytest.fail(f"{constant} in JSON"))
+
+
+@pytest.mark.parametrize("command", ["recalibrate", "verify"])
+def test_a_word_on_the_lenses(retrue, files, command):
+    out = ["--out", files.folder / "new.json"] if command == "recalibrate" else []
+    run = retrue(command, files.before, files.points, *out, "--lens", "fixed")
+    assert run.out.startswith(
+        "accepted, on your word that nobody touched the lenses: "
+        if out
+        else "recalibrate: the capture supports another"
+    )
+    retrue(command, files.before, files.points, *out, "--lens", "mended").require_complaint("--lens", "mended")
+
+
+def test_json_tells_of_lenses_and_rivals(retrue, files):
+    report = retrue("recalibrate", files.before, files.points, "--out", files.folder / "new.json", "--json").json
+    assert report["lens"] == report["lenses"]["verdict"] == "unchecked"
+    assert [len(report["lenses"][key]) for key in ("focal_change", "focal_sigma")] == [2, 2]
+    assert len(report["rivals"]) == len(report["candidates"]) - 1 > 0
+    for rival in report["rivals"]:
+        assert rival["margin"] == pytest.approx(rival["points"] + rival["light"] + rival["move"])
+
+
+def test_reconstruct_refuses_a_capture_that_contradicts_the_rig(retrue, files):
+    cloud = files.folder / "cloud.ply"
+    run = retrue("reconstruct", files.before, files.points, "--out", cloud, "--json")
+    assert (run.status, run.json["verdict"], run.json["out"]) == (1, "drifted", None)
+    assert not cloud.exists()
+    assert "--anyway" in retrue("reconstruct", files.before, files.points, "--out", cloud).out
+    assert retrue("reconstruct", files.before, files.points, "--out", cloud, "--anyway").status == 0
+    assert cloud.exists()
+    assert retrue("reconstruct", files.rig, files.points, "--out", cloud, "--json").json["verdict"] == "good"

@@ -19,13 +19,16 @@ def recalibration_report(result: Accepted | Refused, seconds: float) -> dict[str
     """What `recalibrate --json` prints."""
     evidence = result.evidence
     return {
-        "verdict": "accepted" if isinstance(result, Accepted) else "refused",
+        "verdict": result.verdict,
         "reason": result.reason,
         "cause": result.cause.name if isinstance(result, Refused) else None,
+        "lens": evidence.lens,
+        "lenses": None if evidence.lenses is None else plain(asdict(evidence.lenses)),
         "projector_from_camera": (
             pose_report(result.rig.projector_from_camera) if isinstance(result, Accepted) else None
         ),
         "candidates": [_candidate_report(candidate) for candidate in evidence.candidates],
+        "rivals": [plain(asdict(rival)) for rival in evidence.rivals],
         "change": None if evidence.change is None else plain(asdict(evidence.change)),
         "sigma": None if evidence.sigma is None else plain(asdict(evidence.sigma)),
         "rms_px": plain(evidence.rms_px),
@@ -42,6 +45,7 @@ def verification_report(verification: Verification, seconds: float) -> dict[str,
     """What `verify --json` prints."""
     return {
         "verdict": verification.verdict,
+        "band": verification.band,
         "reason": verification.reason,
         "cause": None if verification.cause is None else verification.cause.name,
         "epipolar_rms_px": plain(verification.epipolar_rms_px),

@@ -105,7 +105,8 @@ def _ours(rig: Rig, captures: Sequence[Correspondences]) -> list[Pose]:
     result = recalibrate(rig, captures)
     if not isinstance(result, Accepted):
         return []
-    pose = result.rig.projector_from_camera
+    # What the captures say by themselves: a rig that still holds is kept, and this one is the truth.
+    pose = next(one for one in result.evidence.candidates if one.chosen).projector_from_camera
     return [(pose.R, pose.t)]
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from itertools import product
 
 import numpy as np
@@ -15,7 +15,7 @@ from retrue.experiments.trials import Progress, run_trials
 from retrue.geometry.arrays import FloatArray
 from retrue.geometry.planar_pose import PlanarPose, in_front, planar_pose_candidates
 from retrue.geometry.transform import RigidTransform, direction_angle, rotation_angle, rotation_from_vector
-from retrue.recalibration.options import RecalibrateOptions
+from retrue.recalibration.reasons import RivalUnbeaten
 from retrue.recalibration.recalibrate import recalibrate
 from retrue.recalibration.result import Accepted, Refused
 from retrue.rig import Rig
@@ -70,7 +70,7 @@ def twin(
     """Random rigs and planes; `recalibrate` on what they show.
 
     Table columns, in percent of the trials: `accepted`; of these `wrong`, nearer to the twin than to the truth;
-    `cannot tell`, refused because of the twins; `refused`, for another reason. `both in front`: cheirality cannot
+    `cannot tell`, refused as a rival is unbeaten; `refused`, for another reason. `both in front`: cheirality cannot
     choose. `prior_wrong`: the old direction of t is nearer to that of the twin.
     """
     cells = all_cells() if cells is None else cells
@@ -126,16 +126,10 @@ def _trial(cell: Cell, rng: np.random.Generator) -> FloatArray:
     old_t = _drifted(truth.t, cell.drift_deg, rng)
     prior_wrong = direction_angle(old_t, other.translation_over_distance) < direction_angle(old_t, truth.t)
     old = Rig(rig.camera, rig.projector, RigidTransform(truth.R, old_t))
-    # Each cue by itself: elsewhere any share may lie behind a device, and any change is plausible.
-    options = RecalibrateOptions()
-    if cell.cue != "cheirality":
-        options = replace(options, max_behind=1.0)
-    if cell.cue != "old direction of t":
-        options = replace(options, max_unchecked_change_deg=180.0, max_change_deg=180.0)
-    result = recalibrate(old, [capture], options)
+    result = recalibrate(old, [capture])
     accepted = isinstance(result, Accepted)
     wrong = isinstance(result, Accepted) and _nearer_to(other, truth, result.rig.projector_from_camera)
-    undecided = isinstance(result, Refused) and result.evidence.resolved_by == "nothing"
+    undecided = isinstance(result, Refused) and isinstance(result.cause, RivalUnbeaten)
     return np.array([accepted, wrong, undecided, not (accepted or undecided), both, prior_wrong], dtype=np.float64)
 
 

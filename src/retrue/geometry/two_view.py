@@ -24,6 +24,7 @@ POSE_PARAMETERS = 5
 PARAMETERS = 8  # of one point: the pose, and n of its plane
 NO_RESIDUALS, NO_WEIGHTS = np.empty((2, 0)), np.empty((2, 0))
 NO_COLUMNS, NO_BLOCKS = np.empty((0, 2, 0)), np.empty((0, 0, 0))
+NO_TURNS = np.empty((0, 2, 0)), np.empty((0, 2, 0))
 FREE = -1
 """Index of the plane of a point that lies on none."""
 
@@ -133,7 +134,7 @@ def epipolar_residuals(pose: RigidTransform | TwoViewPose, points: TwoViewPoints
 def residuals(pose: TwoViewPose, points: TwoViewPoints) -> Residuals:
     """Both families of residuals at a pose, linearised at the corrected rays (see `TwoViewPose`)."""
     both = np.empty((2, len(points)))
-    _run(pose, points, both, NO_WEIGHTS, NO_COLUMNS, NO_BLOCKS)
+    _run(pose, points, both, NO_WEIGHTS, NO_COLUMNS, NO_TURNS, NO_BLOCKS)
     return Residuals(both)
 
 
@@ -150,9 +151,8 @@ def normal_equations(
     A plane whose points all lost their weight is held where it is, by one unit of information relative to its n:
     next to nothing where it has points, and enough that it does not leave the pose undetermined.
     """
-    count, width = len(pose.planes), PARAMETERS + len(columns)
-    blocks = np.zeros((count + 1, width, width))
-    _run(pose, points, NO_RESIDUALS, weights, columns, blocks)
+    count = len(pose.planes)
+    blocks = normal_blocks(pose, points, weights, columns)
     size = POSE_PARAMETERS + 3 * count
     own = np.arange(POSE_PARAMETERS, size).reshape(count, 3)
     information, cross = np.zeros((size, size)), np.zeros((size, len(columns)))
@@ -164,6 +164,25 @@ def normal_equations(
     held = 1 / np.maximum((pose.planes**2).sum(axis=1), 1e-12)
     information[own, own] += held[:, None]
     return _symmetric(information), cross, _symmetric(both[8:, 8:])
+
+
+def normal_blocks(
+    pose: TwoViewPose,
+    points: TwoViewPoints,
+    weights: FloatArray,
+    columns: FloatArray,
+    turns: tuple[FloatArray, FloatArray] = NO_TURNS,
+) -> FloatArray:
+    """[J C]^T W [J C] (P + 1, 8 + K, 8 + K), lower triangles: along the line of each plane's points; across it of all.
+
+    Of each the pose (5), n of the plane (3) and the K columns, as in `normal_equations`. After those come further
+    unknowns that move the rays of the camera and of the projector, by `turns` (N, 2, A) and (N, 2, B); the first of
+    each is the log of its focal length. Then the first column is the residuals.
+    """
+    width = PARAMETERS + len(columns) + sum(each.shape[2] for each in turns)
+    blocks = np.zeros((len(pose.planes) + 1, width, width))
+    _run(pose, points, NO_RESIDUALS, weights, columns, turns, blocks)
+    return blocks
 
 
 def _symmetric(lower: FloatArray) -> FloatArray:
@@ -178,6 +197,7 @@ def _run(
     residuals: FloatArray,
     weights: FloatArray,
     columns: FloatArray,
+    turns: tuple[FloatArray, FloatArray],
     blocks: FloatArray,
 ) -> None:
     """The kernel, on arrays as it takes them."""
@@ -194,6 +214,7 @@ def _run(
         residuals,
         np.ascontiguousarray(weights),
         np.ascontiguousarray(columns),
+        *turns,
         blocks,
     )
 

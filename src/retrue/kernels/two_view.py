@@ -75,6 +75,8 @@ def two_view(
     residuals: cython.double[:, ::1],
     weights: cython.const[cython.double][:, ::1],
     columns: cython.const[cython.double][:, :, ::1],
+    camera_turns: cython.const[cython.double][:, :, ::1],
+    projector_turns: cython.const[cython.double][:, :, ::1],
     blocks: cython.double[:, :, ::1],
 ) -> None:
     """Fill the residuals; or, where weights are given, add up [J C]^T W [J C] of each plane.
@@ -85,18 +87,25 @@ def two_view(
     camera_rays, projector_rays, camera_sigma, projector_sigma, plane_index : N points as in `TwoViewPoints`.
     residuals : (2, N) across and along the epipolar line; NaN where there is none.
     weights : (2, N) of either, or none.
-    columns : C (K, 2, N), whatever else there is for each residual: the residual itself, how it changes with a lens.
-    blocks : (P + 1, 8 + K, 8 + K), of the points on each plane: the pose, its n, and C; and of all points across the
-        line. Added to, as far as the other triangle follows.
+    columns : C (K, 2, N), whatever else there is for each residual: the first is the residual itself.
+    camera_turns, projector_turns : (N, 2, A) and (N, 2, B) how further unknowns move the rays of either device, or
+        none; the first of each is the log of the focal length, which divides the sigma of those rays, too.
+    blocks : (P + 1, 8 + K + A + B, the same), of the points on each plane: the pose, its n, and C, and how the
+        residuals change with those unknowns; and of all points across the line. Added to, as far as the other triangle
+        follows.
     """
+    cython.declare(i=cython.Py_ssize_t, k=cython.Py_ssize_t)
     adds: cython.bint = weights.shape[1] > 0
     extra: cython.Py_ssize_t = columns.shape[0]
+    first_turn: cython.Py_ssize_t = UNKNOWNS + extra
+    turns: cython.Py_ssize_t = camera_turns.shape[2]
+    more_turns: cython.Py_ssize_t = projector_turns.shape[2]
     last: cython.Py_ssize_t = -1  # the plane that `on_plane` has the sums of
     across, on_plane = cython.declare(cython.double[64]), cython.declare(cython.double[64])
     for i in range(64):
         across[i], on_plane[i] = 0.0, 0.0
     row = cython.declare(cython.double[40])
-    if extra > MOST_EXTRA:
+    if extra + turns + more_turns > MOST_EXTRA:
         raise ValueError("two views: more columns than a row holds")
     r1, r2, r3 = Vector(R[0, 0], R[0, 1], R[0, 2]), Vector(R[1, 0], R[1, 1], R[1, 2]), Vector(R[2, 0], R[2, 1], R[2, 2])
     t = Vector(axes[0, 0], axes[0, 1], axes[0, 2])
@@ -137,6 +146,14 @@ def two_view(
             row[5], row[6], row[7] = 0.0, 0.0, 0.0
             for i in range(extra):
                 row[UNKNOWNS + i] = columns[i, 0, k]
+            for i in range(turns):
+                row[first_turn + i] = (mx * camera_turns[k, 0, i] + my * camera_turns[k, 1, i]) * scale
+            for i in range(more_turns):
+                row[first_turn + turns + i] = (lx * projector_turns[k, 0, i] + ly * projector_turns[k, 1, i]) * scale
+            if turns > 0:
+                row[first_turn] += columns[0, 0, k] * scale * scale * vx * (mx * mx + my * my)
+            if more_turns > 0:
+                row[first_turn + turns] += columns[0, 0, k] * scale * scale * vy * (lx * lx + ly * ly)
             _add(across, blocks[planes.shape[0]], row, weights[0, k], 5)
         if plane < 0 or (adds and not weights[1, k] > 0):
             continue
@@ -172,6 +189,25 @@ def two_view(
         row[5], row[6], row[7] = pulled * x.x, pulled * x.y, pulled
         for i in range(extra):
             row[UNKNOWNS + i] = columns[i, 1, k]
+        if turns > 0 or more_turns > 0:
+            qx, qy = gx * j11 + gy * j21, gx * j12 + gy * j22
+            for i in range(turns):
+                row[first_turn + i] = -qx * camera_turns[k, 0, i] - qy * camera_turns[k, 1, i]
+            for i in range(more_turns):
+                row[first_turn + turns + i] = gx * projector_turns[k, 0, i] + gy * projector_turns[k, 1, i]
+        if scale > 0:  # with the sigmas, both the scale of this residual and its share of the other one change
+            off_x = projector_rays[k, 0] - hx - j11 * dx - j12 * dy
+            off_y = projector_rays[k, 1] - hy - j21 * dx - j22 * dy
+            sideways = (ax * off_x + ay * off_y) * scale
+            half = 0.5 * columns[0, 1, k] / left if turns > 0 or more_turns > 0 else 0.0
+            if turns > 0:
+                d_across, d_along, d_both = across_variance - vy, along_variance - vy, covariance
+                d_slope = (d_both - slope * d_across) / across_variance
+                d_left = d_along - 2 * slope * d_both + slope * slope * d_across
+                row[first_turn] += 2 * (d_slope * sideways + half * d_left)
+            if more_turns > 0:
+                d_slope, d_left = -slope * vy / across_variance, vy + slope * slope * vy
+                row[first_turn + turns] += 2 * (d_slope * sideways + half * d_left)
         if plane != last:
             if last >= 0:
                 _flush(on_plane, blocks[last])

@@ -126,7 +126,7 @@ def gather(start: TwoViewPose, points: TwoViewPoints) -> TwoViewPose:
     for _ in range(12):
         found = residuals(pose, points)
         levels = np.array([median_level(found.both[:, mine].ravel()) for mine in members])
-        floor = float(levels.min())
+        floor = float(levels.min()) if members else biweight_level(found.epipolar)
         reach = max(floor, min(reach / 3, median_level(found.epipolar[free]))) if free.any() else floor
         scale = np.append(levels, reach)[points.plane_index]  # that of FREE is the last
         weights = biweight(found.both / scale) / scale**2

@@ -57,19 +57,6 @@ class PointsNotSpread(Reason):
 
 
 @dataclass(frozen=True, slots=True)
-class NoPlane(Reason):
-    """Nothing flat fills enough of the picture."""
-
-    correspondences: int
-
-    def __str__(self) -> str:
-        return (
-            f"no plane among {self.correspondences} correspondences; have a wall, a board or a table top fill part of"
-            " the picture"
-        )
-
-
-@dataclass(frozen=True, slots=True)
 class PoseUndetermined(Reason):
     """The equations have no unique solution; `problem` is the solver's own sentence."""
 
@@ -77,63 +64,6 @@ class PoseUndetermined(Reason):
 
     def __str__(self) -> str:
         return self.problem
-
-
-@dataclass(frozen=True, slots=True)
-class TwinsUnresolved(Reason):
-    """Two poses explain the plane, and nothing tells which is true.
-
-    Degrees from the old direction of t to that of the nearer and of the farther one.
-    """
-
-    near_deg: float
-    far_deg: float
-
-    def __str__(self) -> str:
-        return (
-            f"two poses explain the plane, {self.near_deg:.0f} and {self.far_deg:.0f} deg from the old direction of t,"
-            " and too little lies off the plane to tell them apart; put an object or a second plane in view"
-        )
-
-
-@dataclass(frozen=True, slots=True)
-class PlaneAndRestContradict(Reason):
-    """The points off the plane prefer one pose clearly, and all points together the other."""
-
-    off_plane: int
-
-    def __str__(self) -> str:
-        return (
-            f"the plane and the {self.off_plane} correspondences off it support different poses; was something moving,"
-            " or a lens zoomed?"
-        )
-
-
-@dataclass(frozen=True, slots=True)
-class PointsBehind(Reason):
-    """The pose has points behind a device, where it sees nothing."""
-
-    share: float
-
-    def __str__(self) -> str:
-        return (
-            f"the pose has {self.share:.0%} of the points behind the camera or the projector; is it this rig's picture,"
-            " and are the two devices not swapped?"
-        )
-
-
-@dataclass(frozen=True, slots=True)
-class Imprecise(Reason):
-    """The points determine a pose, but hardly; one sigma each."""
-
-    rotation_deg: float
-    translation_deg: float
-
-    def __str__(self) -> str:
-        return (
-            f"the points know the pose only to {self.rotation_deg:.2g} deg in rotation and {self.translation_deg:.2g}"
-            " deg in the direction of t; fill more of the picture, or add captures"
-        )
 
 
 @dataclass(frozen=True, slots=True)
@@ -154,105 +84,89 @@ class PointsDisagree(Reason):
 
 
 @dataclass(frozen=True, slots=True)
-class ResidualsHaveStructure(Reason):
-    """Neighbouring residuals share an error that no pose explains."""
+class RivalUnbeaten(Reason):
+    """Another explanation is nearly as good; `rival` says which, the margin is log evidence in nats."""
 
-    shared_px: float
+    rival: str
+    margin: float
+    rotation_deg: float
+    translation_deg: float
 
     def __str__(self) -> str:
         return (
-            f"neighbouring residuals share {self.shared_px:.2g} px that no pose explains; have the intrinsics changed"
-            " (zoom, focus)? then calibrate anew"
+            f"{self.rival} explains the captures as well: {self.rotation_deg:.0f} deg away in rotation,"
+            f" {self.translation_deg:.0f} deg in the direction of t; put an object or a second plane in view"
         )
 
 
 @dataclass(frozen=True, slots=True)
-class PlaneContradicts(Reason):
-    """A plane of its own supports another pose."""
+class Imprecise(Reason):
+    """The points determine a pose, but not closely enough: one sigma, as a share of the working distance."""
 
-    correspondences: int
+    rotation_deg: float
+    translation_deg: float
+    error: float
+    max_error: float
 
     def __str__(self) -> str:
         return (
-            f"a plane with {self.correspondences} correspondences contradicts the pose of the others; was something"
-            " moving, or are pictures of two poses mixed?"
+            f"the points know the pose to {self.rotation_deg:.2g} deg in rotation and {self.translation_deg:.2g} deg in"
+            f" the direction of t, which moves points by {self.error:.1%} of their distance; expected"
+            f" {self.max_error:.1%} or less: light more of the scene, at several depths, or add captures"
         )
 
 
 @dataclass(frozen=True, slots=True)
-class SurfaceContradicts(Reason):
-    """Points that contradict the pose, and agree with each other."""
-
-    share: float
-
-    def __str__(self) -> str:
-        return (
-            f"{self.share:.0%} of the points contradict the pose as a surface does, not as wrong matches; was something"
-            " moving, or have the intrinsics changed (zoom, focus)?"
-        )
-
-
-@dataclass(frozen=True, slots=True)
-class PlanesInterleave(Reason):
-    """Neighbouring points lie on different planes all over the picture."""
-
-    share: float
-
-    def __str__(self) -> str:
-        return (
-            f"{self.share:.0%} of the points have a neighbour on another plane, as if two scenes were seen at once; did"
-            " the rig move during the capture, or are pictures of two poses mixed?"
-        )
-
-
-@dataclass(frozen=True, slots=True)
-class FocalLengthChanged(Reason):
-    """The points ask for another focal length of a device; relative, with its sigma."""
+class LensChanged(Reason):
+    """The points contradict the rig's lenses; relative change of a device's focal length, with its sigma."""
 
     device: str
     amount: float
     sigma: float
+    gain: float
 
     def __str__(self) -> str:
         return (
-            f"the points ask for a focal length of the {self.device} that is {self.amount:+.1%} off"
-            f" (sigma {self.sigma:.1%}); was it zoomed or refocused? then calibrate anew"
+            f"the points contradict the rig's lenses: they ask for a focal length of the {self.device} that is"
+            f" {self.amount:+.1%} off (sigma {self.sigma:.1%}); was it zoomed, refocused or cropped? if so, take the"
+            " new focal lengths with --lens refit, or calibrate anew"
         )
 
 
 @dataclass(frozen=True, slots=True)
-class ImplausibleChange(Reason):
-    """The pose would have changed by more than a bump can.
+class PartsContradict(Reason):
+    """Two large parts of the points support a pose each."""
 
-    `checked`: whether the points speak for the intrinsics too; on a bare plane a zoom looks like a large move.
-    """
-
-    rotation_deg: float
-    translation_deg: float
-    limit_deg: float
-    checked: bool
+    share: float
+    other_share: float
 
     def __str__(self) -> str:
-        moved = (
-            f"the pose would have changed by {self.rotation_deg:.0f} deg, the direction of t by"
-            f" {self.translation_deg:.0f} deg; more than {self.limit_deg:g} deg "
-        )
-        if self.checked:
-            return moved + "no bump does: is it this rig's picture? if it was rebuilt, allow it with --max-change-deg"
-        return moved + (
-            "is not believed of a plane alone, where a zoom looks the same; put objects or a second plane in view, or"
-            " allow it with --max-unchecked-change-deg"
+        return (
+            f"{self.share:.0%} of the points support one pose and {self.other_share:.0%} another; did the rig move"
+            " during the capture, are pictures of two poses mixed, or is half of the scene seen in a mirror?"
         )
 
 
 @dataclass(frozen=True, slots=True)
-class NearFold(Reason):
-    """t is almost parallel to the normal of the only plane."""
+class CapturesDiffer(Reason):
+    """The captures do not share a pose; which one differs most from the others, counted from 1."""
 
-    angle_deg: float
+    capture: int
+    deviations: float
 
     def __str__(self) -> str:
         return (
-            f"t is within {self.angle_deg:.1f} deg of the plane's normal, where a plane does not determine it; turn the"
-            " plane, or put objects in view"
+            f"the captures do not share a pose: number {self.capture} is {self.deviations:.0f} sigma off the others;"
+            " did the rig move between them? then recalibrate on each by itself"
+        )
+
+
+@dataclass(frozen=True, slots=True)
+class LensUnchecked(Reason):
+    """The answer would write over a rig, and rests on a word that nobody gave."""
+
+    def __str__(self) -> str:
+        return (
+            "the points cannot check the lenses, and a rig is only written over on your word that nobody touched"
+            " them; give it with --lens fixed, or show objects at several depths"
         )

@@ -2,25 +2,24 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-
-import numpy as np
+from collections.abc import Mapping, Sequence
 
 from retrue.capture import Capture
-from retrue.recalibration.result import Verification
+from retrue.recalibration.result import Band, Verification
 from retrue.report.evidence_tables import change_table
 from retrue.report.lengths import degrees, pixels, problem_and_advice, shown_unit
-from retrue.report.page import Block, Fact, Page, Section, Table
+from retrue.report.page import Block, Fact, Page, Section, Table, Tone
 from retrue.report.residual_section import median_residual, residual_section
 from retrue.report.scene import cloud_of, rig_scene
 from retrue.rig import Rig
 from retrue.shown import figures
 
+TONES: Mapping[Band, Tone] = {"holds": "good", "improvable": "warn", "recalibrate": "bad", "cannot tell": "warn"}
+
 
 def verification_page(rig: Rig, captures: Sequence[Capture], verification: Verification) -> Page:
     """Whether the captures fit the rig, what they support instead, and how sure that is."""
     unit, cloud = shown_unit(rig.unit), cloud_of(rig, captures)
-    distance = None if cloud is None else float(np.median(cloud.points[:, 2]))
     problem, advice = problem_and_advice(verification.reason)
     sections = [
         Section(
@@ -30,15 +29,14 @@ def verification_page(rig: Rig, captures: Sequence[Capture], verification: Verif
         )
     ]
     if verification.drift is not None:
-        table = change_table(verification.drift, verification.sigma, distance, unit)
+        table = change_table(verification.drift, verification.sigma, verification.working_distance, unit)
         lead = "From the rig's pose to the one that the captures support by themselves."
         sections.append(Section("What the captures say", lead, (table, _counts(verification))))
     sections.append(residual_section({"As the rig stands": rig}, captures))
-    good = verification.verdict == "good"
     return Page(
         "verify",
-        verification.verdict.capitalize(),
-        "good" if good else "warn",
+        verification.band.capitalize(),
+        TONES[verification.band],
         problem,
         _facts(verification, median_residual(rig, captures)),
         tuple(sections),

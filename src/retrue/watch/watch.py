@@ -14,7 +14,7 @@ from retrue.correspondences import Correspondences
 from retrue.errors import FileError, RetrueError
 from retrue.files.history import write_in_place
 from retrue.files.rigs import read_rig
-from retrue.recalibration.result import Accepted, Verification
+from retrue.recalibration.result import Accepted, Verification, unattended
 from retrue.rig import Rig
 from retrue.watch.decide import (
     Drifted,
@@ -33,6 +33,7 @@ from retrue.watch.options import WatchOptions
 from retrue.watch.stages import Stages
 from retrue.watch.state import WatchState, write_state
 
+HOLDS = "the frames together say that the rig still holds"
 DISAGREE = "the frames do not agree on one pose: the rig, or something before it, is still moving"
 
 
@@ -146,9 +147,11 @@ class Watch:
         """Recalibrate from these frames and write the rig; why not, where not."""
         captures = [item.points for item in kept]
         try:
-            result = self.stages.recalibrate(rig, captures)
+            result = unattended(self.stages.recalibrate(rig, captures))
             if not isinstance(result, Accepted):
                 return result.reason
+            if result.unchanged:
+                return HOLDS
             verdicts = [self.stages.verify(result.rig, [points]).verdict for points in captures]
             if "drifted" in verdicts or "good" not in verdicts:
                 return DISAGREE

@@ -1,0 +1,242 @@
+"""Other explanations of the captures, and by how much log evidence the best one beats each."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from retrue.correspondences import Correspondences
+from retrue.geometry.arrays import BoolArray, FloatArray, IntArray
+from retrue.geometry.nearest import nearest_of_all
+from retrue.geometry.robust import CUTOFF
+from retrue.geometry.transform import direction_angle, rotation_angle
+from retrue.geometry.two_view import FREE, TwoViewPose
+from retrue.recalibration.candidates import behind, same_pose, twins_of
+from retrue.recalibration.fit import chi_square
+from retrue.recalibration.light import light_costs, log_irradiance
+from retrue.recalibration.parts import shifted_copy, unexplained
+from retrue.recalibration.posterior import Measured, Posterior, posterior_at
+from retrue.recalibration.rays import Rays
+from retrue.rig import Rig
+
+UNEXPLAINED = 12.0  # of chi-square: what a point costs that a hypothesis does not explain, or has hidden or behind
+CHANCE = 3.5  # standard deviations of a sum over points that are there by chance
+NEAREST_DEG = 1.0  # a move below this is none: nearer to the old pose says no more
+LIGHT_TRUST = 0.25  # of the light's own likelihood: paint and gloss are not what it models
+PARAMETER = 12.0  # of chi-square, what a free parameter costs: its range is some 400 times what the points leave
+FEWEST_OF_A_PLANE = 12
+APART = 10.0  # times the noise: nearer to the line where two planes meet, either may claim a point
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Rival:
+    """Another explanation of the captures, and by how much the answer beats it.
+
+    Attributes
+    ----------
+    name : what it is.
+    posterior : its own.
+    points, light, move : log evidence (nats) for the answer: of the points, of the light, of how far each is from the
+        old pose.
+    """
+
+    name: str
+    posterior: Posterior
+    points: float
+    light: float
+    move: float
+
+    @property
+    def margin(self) -> float:
+        """Log evidence for the answer, all in all."""
+        return self.points + self.light + self.move
+
+
+def costs(posterior: Posterior, reference: Posterior, neighbours: IntArray) -> FloatArray:
+    """(N,) chi-square of each point in the noise of the reference, saturated.
+
+    So is that of a point that the hypothesis has behind a device, or hides: surfaces are opaque, and planes that
+    alternate all over the picture are not two.
+    """
+    found = chi_square(posterior.fit, reference.fit)
+    level = posterior.fit.epipolar_noise.level
+    impossible = behind(posterior.pose, posterior.points, level) | _hidden(posterior, neighbours)
+    return np.where(impossible, np.maximum(found, UNEXPLAINED), found)
+
+
+def total(posterior: Posterior, reference: Posterior, neighbours: IntArray) -> float:
+    """Of all points and the priors."""
+    return float(costs(posterior, reference, neighbours).sum()) + posterior.prior_cost
+
+
+def explained_costs(posterior: Posterior, reference: Posterior, neighbours: IntArray) -> tuple[FloatArray, float]:
+    """`costs` (N,) where a part of the points may be a shifted copy; and what the priors, planes and that copy cost.
+
+    A plane has three free parameters and a copy two, each of which a wider range would have fitted as well.
+    """
+    found = costs(posterior, reference, neighbours)
+    plane = posterior.points.plane_index
+    counts = np.bincount(plane[(plane != FREE) & (posterior.fit.robust_weights[1] > 0)], minlength=1)
+    price = posterior.prior_cost + 3 * PARAMETER * int(np.count_nonzero(counts >= FEWEST_OF_A_PLANE))
+    copy = shifted_copy(posterior, unexplained(posterior))
+    if copy is not None:
+        found[copy] = np.minimum(found[copy], 2.0)
+        price += 2 * PARAMETER
+    return found, price
+
+
+def least(posteriors: list[Posterior], neighbours: IntArray) -> Posterior:
+    """The posterior of least cost."""
+    reference = min(posteriors, key=lambda fit: fit.fit.epipolar_noise.level)
+    return min(posteriors, key=lambda fit: total(fit, reference, neighbours))
+
+
+def nearest_points(rays: Rays) -> IntArray:
+    """(N, 4) rows of each point's nearest neighbours in its own capture's picture; its own row for lack of any."""
+    found = np.repeat(np.arange(len(rays))[:, None], 4, axis=1)
+    for capture in range(int(rays.capture.max(initial=-1)) + 1):
+        mine = np.flatnonzero(rays.capture == capture)
+        if len(mine) > 4:
+            x = rays.points.camera_rays[mine]
+            found[mine] = mine[nearest_of_all(x, x, 5)[1][:, 1:]]
+    return found
+
+
+def _hidden(posterior: Posterior, neighbours: IntArray) -> BoolArray:
+    """(N,) explained points on planes, of whose four neighbours two or more lie on another plane, clearly apart."""
+    plane = posterior.points.plane_index
+    if len(posterior.pose.planes) < 2 or not neighbours.size:
+        return np.zeros(len(plane), dtype=np.bool_)
+    there = (plane != FREE) & (posterior.fit.robust_weights > 0).all(axis=0)
+    x = np.column_stack([posterior.points.camera_rays, np.ones(len(plane))])
+    own = (x * posterior.pose.planes[np.maximum(plane, 0)]).sum(axis=1)
+    # A disparity rho moves what the projector sees by about |t - y t3| / depth: its noise is that of a ray over it.
+    t, y = posterior.pose.t, posterior.points.projector_rays
+    parallax = np.maximum(np.hypot(t[0] - y[:, 0] * t[2], t[1] - y[:, 1] * t[2]), 1e-12)
+    noise = posterior.fit.along_noise
+    sigma = np.hypot(posterior.points.camera_sigma, posterior.points.projector_sigma)
+    sigma = sigma * float(np.hypot(noise.level, noise.shared)) / parallax
+    foreign = np.zeros(len(plane), dtype=np.int64)
+    for other in neighbours.T:
+        elsewhere = there & there[other] & (plane[other] != plane)
+        seen = (x * posterior.pose.planes[np.maximum(plane[other], 0)]).sum(axis=1)
+        foreign += elsewhere & (np.abs(seen - own) > APART * sigma)
+    return foreign >= 2
+
+
+def ranked(
+    posteriors: list[Posterior],
+    measured: Measured,
+    few: Rays,
+    light: Light | None,
+    old: TwoViewPose,
+    rng: np.random.Generator,
+) -> tuple[Posterior, tuple[Rival, ...]]:
+    """The hypothesis that none other beats in evidence, and those others; its twins are among them, as they stand."""
+    best, asked = least(posteriors, measured.neighbours), 0
+    while True:
+        rivals = _rivals(best, posteriors, measured, few, light, old, rng)
+        strongest = min(rivals, key=lambda rival: rival.margin, default=None)
+        asked += 1
+        if strongest is None or not strongest.margin < 0 or asked > len(posteriors):
+            return best, rivals
+        best = strongest.posterior
+
+
+def _rivals(
+    best: Posterior,
+    posteriors: list[Posterior],
+    measured: Measured,
+    few: Rays,
+    light: Light | None,
+    old: TwoViewPose,
+    rng: np.random.Generator,
+) -> tuple[Rival, ...]:
+    others = [("another pose", fit) for fit in posteriors if not same_pose(fit.pose, best.pose)]
+    for twin in twins_of(best.pose, best.points):
+        if not any(same_pose(twin, fit.pose) for _, fit in others):
+            others.append(("the twin", posterior_at(measured, replace(best.parameters, pose=twin), best.prior)))
+    lit = [0.0] * len(others)
+    if light is not None and others:
+        lit = light.evidence(best, [fit for _, fit in others], few, rng)
+    return tuple(
+        Rival(name, fit, _point_evidence(best, fit, measured), seen, _move(fit.pose, old) - _move(best.pose, old))
+        for (name, fit), seen in zip(others, lit, strict=True)
+    )
+
+
+def _point_evidence(best: Posterior, rival: Posterior, measured: Measured) -> float:
+    """Nats, of points off the plane that the rival fits, because that plane fits both, and points behind a device.
+
+    A sum that a few points make, as chance would have it, counts less.
+    """
+    points, neighbours = measured.support.points, measured.neighbours
+    (lost, price), (held, own_price) = explained_costs(rival, best, neighbours), explained_costs(best, best, neighbours)
+    preferred = lost - held
+    everywhere = float(preferred.sum()) + price - own_price
+    near = np.abs(rival.fit.found.along) < CUTOFF * best.fit.along_noise.level
+    fitted = points.plane_index[near]
+    off = np.ones(len(points), dtype=np.bool_)
+    if len(fitted):
+        off = behind(rival.pose, rival.points, rival.fit.epipolar_noise.level)
+        off |= _hidden(rival, neighbours) | (points.plane_index != int(np.argmax(np.bincount(fitted))))
+    elsewhere = float(preferred[off].sum()) + min(price - own_price, 0.0)
+    return 0.5 * min(elsewhere, everywhere) * beyond_chance(preferred[off])
+
+
+def beyond_chance(preferred: FloatArray) -> float:
+    """1 for a sum over points that no chance makes, less where a few of them make it."""
+    squares = float((preferred**2).sum())
+    deviations = float(preferred.sum() / np.sqrt(squares)) if squares > 0 else 0.0
+    return min(1.0, (deviations / CHANCE) ** 2)
+
+
+def _move(pose: TwoViewPose, old: TwoViewPose) -> float:
+    """-log prior of a move: moves of any size alike, so that its density falls with the fifth power of the size."""
+    angles = np.degrees([rotation_angle(pose.R @ old.R.T), direction_angle(pose.t, old.t)])
+    return 5 * float(np.log(max(float(np.hypot(*angles)), NEAREST_DEG)))
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Light:
+    """What the projector adds at each ray, (N,); its class; the place in the projector's raster, (N, 2)."""
+
+    light: FloatArray
+    light_class: IntArray
+    raster: FloatArray
+
+    def evidence(self, best: Posterior, others: list[Posterior], few: Rays, rng: np.random.Generator) -> list[float]:
+        """Nats that the light gives the best hypothesis over each other, of the points on planes."""
+        points = few.points
+        rows = np.flatnonzero((points.plane_index != FREE) & (best.fit.robust_weights[1] > 0))
+        found = np.zeros(len(others))
+        for capture in range(int(few.capture.max(initial=-1)) + 1):
+            mine = rows[few.capture[rows] == capture]
+            plane = points.plane_index[mine]
+            predictions = [
+                log_irradiance(points.projector_rays[mine], fit.pose.R, fit.pose.t, fit.pose.planes[plane])
+                for fit in (best, *others)
+            ]
+            where = points.camera_rays[mine], self.raster[mine]
+            light_cost = light_costs(self.light[mine], self.light_class[mine], *where, predictions, rng)
+            if light_cost is not None:
+                found += 0.5 * LIGHT_TRUST * (np.array(light_cost[1:]) - light_cost[0])
+        return found.tolist()
+
+
+def light_of(rig: Rig, captures: Sequence[Correspondences], rays: Rays) -> Light | None:
+    """What the captures say of the projector's light at each ray; None where none says anything."""
+    if all(capture.light is None for capture in captures):
+        return None
+    light, light_class = np.full(len(rays), np.nan), np.zeros(len(rays), dtype=np.int64)
+    raster = np.zeros((len(rays), 2))
+    for index, capture in enumerate(captures):
+        mine = np.flatnonzero(rays.capture == index)
+        raster[mine] = 2 * (capture.projector_px[rays.row[mine]] + 0.5) / np.array(rig.projector.size) - 1
+        if capture.light is not None:
+            light[mine] = capture.light[rays.row[mine]]
+        if capture.light_class is not None:
+            light_class[mine] = capture.light_class[rays.row[mine]]
+    return Light(light, light_class, raster)

@@ -1,0 +1,95 @@
+"""Five points: the truth is among the solutions, whatever the scene, and outliers do not hide it."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from retrue.geometry.five_points import best_essential, five_point_essentials, poses_of_essential, sampson_squares
+from retrue.geometry.transform import RigidTransform, rotation_from_vector, skew
+
+
+def essential(pose: RigidTransform) -> np.ndarray:
+    E = skew(pose.t) @ pose.R
+    return E / np.linalg.norm(E)
+
+
+def random_pose(rng: np.random.Generator) -> RigidTransform:
+    t = rng.normal(size=3)
+    return RigidTransform(rotation_from_vector(rng.uniform(-0.2, 0.2, 3)), t / np.linalg.norm(t))
+
+
+def matches(pose: RigidTransform, count: int, rng: np.random.Generator, plane: bool = False) -> tuple[np.ndarray, ...]:
+    """(N, 2) rays of points that both devices have in front."""
+    x = rng.uniform(-0.4, 0.4, (count, 2))
+    depth = 1 / (0.25 + x @ [0.1, -0.05]) if plane else rng.uniform(2.5, 6, count)
+    y = pose.apply(depth[:, None] * np.c_[x, np.ones(count)])
+    return x, y[:, :2] / y[:, 2:]
+
+
+def distance(found: np.ndarray, truth: np.ndarray) -> float:
+    """Of the nearest of the matrices (K, 3, 3), sign aside."""
+    apart = [np.abs(found - sign * truth).max(axis=(1, 2)) for sign in (1, -1)]
+    return float(np.min(apart))
+
+
+@pytest.mark.parametrize("plane", [False, True])
+def test_every_sample_of_exact_points_finds_the_truth(plane: bool) -> None:
+    rng = np.random.default_rng(0)
+    for _ in range(200):
+        pose = random_pose(rng)
+        x, y = matches(pose, 5, rng, plane)
+        # On a plane solutions come near to each other, and rounding moves them by more.
+        assert distance(five_point_essentials(x[None], y[None]), essential(pose)) < (1e-7 if plane else 1e-9)
+
+
+def test_samples_are_solved_together_as_each_by_itself() -> None:
+    rng = np.random.default_rng(1)
+    pairs = [matches(random_pose(rng), 5, rng) for _ in range(20)]
+    x, y = (np.stack(part) for part in zip(*pairs, strict=True))
+    together = five_point_essentials(x, y)
+    alone = np.concatenate([five_point_essentials(x[k : k + 1], y[k : k + 1]) for k in range(20)])
+    assert len(together) == len(alone)
+    assert all(distance(together, E) < 1e-6 for E in alone)
+
+
+def test_the_best_of_samples_is_near_the_truth_where_a_third_of_the_points_is_wrong() -> None:
+    rng = np.random.default_rng(2)
+    noise = 2e-4
+    for _ in range(10):
+        pose = random_pose(rng)
+        x, y = matches(pose, 400, rng)
+        good = rng.random(400) > 0.33
+        y = np.where(good[:, None], y, rng.uniform(-0.4, 0.4, y.shape)) + rng.normal(0, noise, y.shape)
+        E = best_essential(x, y, noise, rng.integers(0, 400, (200, 5)), np.arange(400))
+        assert E is not None
+        agree = sampson_squares(E, x, y) < (5 * noise) ** 2
+        assert np.mean(agree[good]) > 0.5
+        assert np.mean(agree[~good]) < 0.1
+
+
+def test_one_of_the_four_poses_is_the_one_that_made_the_matrix_and_all_are_proper() -> None:
+    rng = np.random.default_rng(3)
+    for _ in range(50):
+        pose = random_pose(rng)
+        scale = rng.choice([-1, 1]) * rng.uniform(0.1, 10)
+        poses = poses_of_essential(scale * essential(pose))
+        assert len(poses) == 4
+        for R, t in poses:
+            np.testing.assert_allclose(R @ R.T, np.eye(3), atol=1e-12)
+            assert np.linalg.det(R) == pytest.approx(1)
+            assert np.linalg.norm(t) == pytest.approx(1)
+        assert min(np.abs(R - pose.R).max() + np.abs(t - pose.t).max() for R, t in poses) < 1e-9
+
+
+def test_the_sampson_distance_is_that_to_the_epipolar_line_to_first_order() -> None:
+    rng = np.random.default_rng(4)
+    pose = random_pose(rng)
+    x, y = matches(pose, 50, rng)
+    assert sampson_squares(essential(pose), x, y).max() < 1e-24
+    lines = np.c_[x, np.ones(50)] @ essential(pose).T
+    back = np.c_[y, np.ones(50)] @ essential(pose)
+    normal = lines[:, :2] / np.linalg.norm(lines[:, :2], axis=1, keepdims=True)
+    step = 1e-6
+    expected = (step**2) * (lines[:, :2] ** 2).sum(1) / ((lines[:, :2] ** 2).sum(1) + (back[:, :2] ** 2).sum(1))
+    np.testing.assert_allclose(sampson_squares(essential(pose), x, y + step * normal), expected, rtol=1e-3)
