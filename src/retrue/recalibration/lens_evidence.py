@@ -61,9 +61,9 @@ def lens_evidence(
     pull = np.zeros_like(seen.lens_pull)
     pull[FOCAL] = seen.lens_pull[FOCAL]
     pull, told = _believable(pull, seen.lens_information, wide)
-    covariance = np.linalg.inv(told + wide.precision)
+    covariance = _with_prior(told, wide)
     change = covariance @ pull
-    gain = float(pull @ change - pull @ np.linalg.solve(told + tight.precision, pull))
+    gain = float(pull @ change - pull @ _with_prior(told, tight) @ pull)
     noise = best.fit.epipolar_noise
     posterior, others = None, ()
     if gain > DOUBTFUL_GAIN or noise.shared > max(0.5 * noise.level, FOCAL_MISFIT_PX) or not noise.level < 1:
@@ -102,6 +102,16 @@ def _believable(pull: FloatArray, told: FloatArray, wide: LensPrior) -> tuple[Fl
     along = np.clip(vectors.T @ (root.T @ pull), -FARTHEST * values, FARTHEST * values)
     back = np.linalg.solve(root.T, vectors)
     return back @ along, (back * values) @ back.T
+
+
+def _with_prior(told: FloatArray, prior: LensPrior) -> FloatArray:
+    """(8, 8) covariance of lenses of which the points tell `told`: (told + P^-1)^-1 = L (1 + L' told L)^-1 L', P = L L'.
+
+    So written, it stays positive however much or little the points tell.
+    """
+    root = np.linalg.cholesky(prior.covariance)
+    inverse = np.linalg.inv(np.eye(len(root)) + root.T @ told @ root)
+    return root @ ((inverse + inverse.T) / 2) @ root.T
 
 
 def _with_focal_of(wide: LensPrior, tight: LensPrior) -> LensPrior:
