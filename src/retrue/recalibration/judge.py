@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from math import erfc, exp, log, pi, sqrt
 
 import numpy as np
@@ -14,7 +14,7 @@ from retrue.geometry.arrays import BoolArray, FloatArray, IntArray, finite_array
 from retrue.geometry.robust import CUTOFF
 from retrue.geometry.transform import direction_angle, rotation_angle
 from retrue.geometry.two_view import POSE_PARAMETERS, TwoViewPoints, TwoViewPose
-from retrue.recalibration.bows import bow_shapes
+from retrue.recalibration.bows import bow_shapes, measured_scale
 from retrue.recalibration.candidates import (
     behind,
     check_spread,
@@ -138,6 +138,9 @@ def judge(rig: Rig, captures: Sequence[Correspondences], options: RecalibrateOpt
     nobody = np.empty((len(rays), 0), dtype=np.int64)
     whole = _measured(rig, captures, rays, nobody, options.flatness_sigma)
     answer = fit_posterior(whole, start, prior, 3)
+    scale = measured_scale(answer.parameters.bows.ravel(), answer.bow_information)
+    whole = replace(whole, flatness=scale * whole.flatness)
+    answer = fit_posterior(whole, replace(answer.parameters, bows=answer.parameters.bows / scale), prior, 3)
     outside = unexplained(answer)
     part = other_part(answer, outside, rng)
     return Judgement(rays, whole, answer, best, rivals, lens, outside, part, differing_capture(whole, rays, answer))

@@ -11,10 +11,11 @@ from retrue.errors import DegenerateError
 from retrue.geometry.arrays import FloatArray
 from retrue.geometry.robust import biweight_loss
 from retrue.recalibration.candidates import behind, same_pose
+from retrue.recalibration.chance import beyond_chance
 from retrue.recalibration.lens import FOCAL, LENS_PARAMETERS, LensPrior, scaled_starts
 from retrue.recalibration.parts import OtherPart
 from retrue.recalibration.posterior import Measured, Parameters, Posterior, Prior, fit_posterior, posterior_at
-from retrue.recalibration.rivals import UNEXPLAINED, beyond_chance, least
+from retrue.recalibration.rivals import UNEXPLAINED, least
 
 KNOWN_FOCAL = 0.01
 # Of a real lens from its model, shared by a part of the picture: a calibration that no term of the model mends, and
@@ -105,7 +106,7 @@ def _believable(pull: FloatArray, told: FloatArray, wide: LensPrior) -> tuple[Fl
 
 
 def _with_prior(told: FloatArray, prior: LensPrior) -> FloatArray:
-    """(8, 8) covariance of lenses of which the points tell `told`: (told + P^-1)^-1 = L (1 + L' told L)^-1 L', P = L L'.
+    """(8, 8) covariance of lenses of which the points tell T: (T + P^-1)^-1 = L (1 + L' T L)^-1 L', with P = L L'.
 
     So written, it stays positive however much or little the points tell.
     """

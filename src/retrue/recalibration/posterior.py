@@ -25,6 +25,7 @@ from retrue.geometry.two_view import (
 )
 from retrue.kernels import lenses as kernel
 from retrue.recalibration.bows import BOWS
+from retrue.recalibration.chance import without_chance
 from retrue.recalibration.fit import PoseFit, Support, chi_square, evaluate, solve_normal_equations
 from retrue.recalibration.lens import LENS_PARAMETERS, LensPrior, changed_device, lens_numbers, magnification
 from retrue.rig import Rig
@@ -241,6 +242,17 @@ class Posterior:
         return pull + self.prior.lens.precision @ self.parameters.lens
 
     @property
+    def bow_information(self) -> FloatArray:
+        """(3 P, 3 P) of the bows, priors included, pose and planes being free, the lenses as they are."""
+        first = POSE_PARAMETERS + 3 * len(self.pose.planes)
+        rest, bows = np.arange(first), np.arange(first + LENSES, len(self.gradient))
+        cross = self.information[np.ix_(rest, bows)]
+        told = self.information[np.ix_(bows, bows)] - cross.T @ solve_normal_equations(
+            self.information[np.ix_(rest, rest)], cross
+        )
+        return (told + told.T) / 2
+
+    @property
     def _parts(self) -> tuple[IntArray, IntArray]:
         """Numbers of all parameters but the lenses, the pose first; and of the lenses."""
         start = POSE_PARAMETERS + 3 * len(self.pose.planes)
@@ -303,7 +315,7 @@ def _cost(fit: Posterior, reference: Posterior) -> float:
 def posterior_at(measured: Measured, parameters: Parameters, prior: Prior) -> Posterior:
     """Residuals, noise and weights at one place of the parameters; normal equations when they are asked for."""
     points, turns = _seen(measured, parameters)
-    fit = evaluate(parameters.pose, Support(points, measured.support.blocks))
+    fit = without_chance(evaluate(parameters.pose, Support(points, measured.support.blocks)))
     if measured.misfit > 0:
         fit = _with_misfit(fit, measured)
     return Posterior(parameters, prior, points, fit, turns)

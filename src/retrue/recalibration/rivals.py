@@ -14,6 +14,7 @@ from retrue.geometry.robust import CUTOFF
 from retrue.geometry.transform import direction_angle, rotation_angle
 from retrue.geometry.two_view import FREE, TwoViewPose
 from retrue.recalibration.candidates import behind, same_pose, twins_of
+from retrue.recalibration.chance import beyond_chance
 from retrue.recalibration.fit import chi_square
 from retrue.recalibration.light import light_costs, log_irradiance
 from retrue.recalibration.parts import shifted_copy, unexplained
@@ -22,7 +23,6 @@ from retrue.recalibration.rays import Rays
 from retrue.rig import Rig
 
 UNEXPLAINED = 12.0  # of chi-square: what a point costs that a hypothesis does not explain, or has hidden or behind
-CHANCE = 3.5  # standard deviations of a sum over points that are there by chance
 NEAREST_DEG = 1.0  # a move below this is none: nearer to the old pose says no more
 LIGHT_TRUST = 0.25  # of the light's own likelihood: paint and gloss are not what it models
 PARAMETER = 12.0  # of chi-square, what a free parameter costs: its range is some 400 times what the points leave
@@ -184,13 +184,6 @@ def _point_evidence(best: Posterior, rival: Posterior, measured: Measured) -> fl
         off |= _hidden(rival, neighbours) | (points.plane_index != int(np.argmax(np.bincount(fitted))))
     elsewhere = float(preferred[off].sum()) + min(price - own_price, 0.0)
     return 0.5 * min(elsewhere, everywhere) * beyond_chance(preferred[off])
-
-
-def beyond_chance(preferred: FloatArray) -> float:
-    """1 for a sum over points that no chance makes, less where a few of them make it."""
-    squares = float((preferred**2).sum())
-    deviations = float(preferred.sum() / np.sqrt(squares)) if squares > 0 else 0.0
-    return min(1.0, (deviations / CHANCE) ** 2)
 
 
 def _move(pose: TwoViewPose, old: TwoViewPose) -> float:
