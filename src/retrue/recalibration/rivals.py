@@ -12,13 +12,13 @@ from retrue.geometry.arrays import BoolArray, FloatArray, IntArray
 from retrue.geometry.nearest import nearest_of_all
 from retrue.geometry.robust import CUTOFF
 from retrue.geometry.transform import direction_angle, rotation_angle
-from retrue.geometry.two_view import FREE, TwoViewPose
+from retrue.geometry.two_view import FREE, POSE_PARAMETERS, TwoViewPose
 from retrue.recalibration.candidates import behind, same_pose, twins_of
 from retrue.recalibration.chance import beyond_chance
 from retrue.recalibration.fit import chi_square
 from retrue.recalibration.light import light_costs, log_irradiance
 from retrue.recalibration.parts import shifted_copy, unexplained
-from retrue.recalibration.posterior import Measured, Posterior, posterior_at
+from retrue.recalibration.posterior import Measured, PosePrior, Posterior, posterior_at
 from retrue.recalibration.rays import Rays
 from retrue.rig import Rig
 
@@ -27,6 +27,7 @@ NEAREST_DEG = 1.0  # a move below this is none: nearer to the old pose says no m
 LIGHT_TRUST = 0.25  # of the light's own likelihood: paint and gloss are not what it models
 PARAMETER = 12.0  # of chi-square, what a free parameter costs: its range is some 400 times what the points leave
 FEWEST_OF_A_PLANE = 12
+WITHIN = 5.0  # sigma of the best
 APART = 10.0  # times the noise: nearer to the line where two planes meet, either may claim a point
 
 
@@ -154,9 +155,9 @@ def _rivals(
     old: TwoViewPose,
     rng: np.random.Generator,
 ) -> tuple[Rival, ...]:
-    others = [("another pose", fit) for fit in posteriors if not same_pose(fit.pose, best.pose)]
+    others = [("another pose", fit) for fit in posteriors if not _same(best, fit.pose)]
     for twin in twins_of(best.pose, best.points):
-        if not any(same_pose(twin, fit.pose) for _, fit in others):
+        if not (_same(best, twin) or any(same_pose(twin, fit.pose) for _, fit in others)):
             others.append(("the twin", posterior_at(measured, replace(best.parameters, pose=twin), best.prior)))
     lit = [0.0] * len(others)
     if light is not None and others:
@@ -165,6 +166,14 @@ def _rivals(
         Rival(name, fit, _point_evidence(best, fit, measured), seen, _move(fit.pose, old) - _move(best.pose, old))
         for (name, fit), seen in zip(others, lit, strict=True)
     )
+
+
+def _same(best: Posterior, pose: TwoViewPose) -> bool:
+    """Whether a pose is no other explanation: found twice, or one that the sigma of the best holds already."""
+    if same_pose(pose, best.pose):
+        return True
+    difference = PosePrior(best.pose.R, best.pose.t, np.eye(POSE_PARAMETERS)).difference(pose)
+    return float(difference @ np.linalg.solve(best.covariance, difference)) < WITHIN**2
 
 
 def _point_evidence(best: Posterior, rival: Posterior, measured: Measured) -> float:
