@@ -115,8 +115,18 @@ def starting_poses(
     old : where the rig was.
     noise : of a match, in the unit of the rays.
     """
+    starts = [pose for _, pose in twins_of_planes(points, homographies)]
+    starts.append(_seen(old.R, old.t, homographies))
+    free = np.flatnonzero(points.plane_index == FREE)
+    if len(free) >= FEWEST_FREE:
+        starts += _of_five_points(points, free, homographies, noise, rng)
+    return starts
+
+
+def twins_of_planes(points: TwoViewPoints, homographies: list[FloatArray]) -> list[tuple[int, TwoViewPose]]:
+    """Both poses of each large plane, with that plane's number; all planes seen from each."""
     counts = np.bincount(points.plane_index[points.plane_index != FREE], minlength=len(homographies))
-    starts: list[TwoViewPose] = []
+    found: list[tuple[int, TwoViewPose]] = []
     largest: list[int] = np.argsort(-counts)[:STARTING_PLANES].tolist()
     for plane in largest:
         rays = points.camera_rays[points.plane_index == plane]
@@ -124,12 +134,8 @@ def starting_poses(
             twins = planar_pose_candidates(homographies[plane], [*rays.mean(axis=0), 1.0])
         except DegenerateError:
             continue
-        starts += [_seen(pose.R, pose.translation_over_distance, homographies) for pose in twins]
-    starts.append(_seen(old.R, old.t, homographies))
-    free = np.flatnonzero(points.plane_index == FREE)
-    if len(free) >= FEWEST_FREE:
-        starts += _of_five_points(points, free, homographies, noise, rng)
-    return starts
+        found += [(plane, _seen(pose.R, pose.translation_over_distance, homographies)) for pose in twins]
+    return found
 
 
 def _of_five_points(

@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from retrue.geometry.arrays import FloatArray
+from retrue.geometry.arrays import BoolArray, FloatArray
 from retrue.geometry.robust import CUTOFF
 from retrue.geometry.two_view import FREE, Residuals
 from retrue.recalibration.fit import PoseFit
@@ -16,22 +16,26 @@ AGREES, FAR = 3.0, 30.0  # sigma from the epipolar line: where right points lie,
 CHANCE_NATS = 12.0  # what five free parameters find among points that lie anywhere
 
 
-def without_chance(fit: PoseFit) -> PoseFit:
-    """Points off all planes that agree with the pose no more than wrong matches do by chance leave no residual.
+def without_chance(fit: PoseFit, aside: BoolArray | None) -> PoseFit:
+    """Points set aside leave no residual, nor do those off all planes that agree with the pose no more than by chance.
 
     Wrong matches lie as densely within three sigma of their epipolar line as further from it. With n there and c
     expected, n log(n / c) - (n - c) is the log likelihood ratio of a part that is right; and a pose that is free to
     move finds the place where most of them agree, so that it must be larger than what that freedom makes.
     """
     free = fit.points.plane_index == FREE
-    apart = np.abs(fit.found.epipolar[free]) / fit.epipolar_noise.level
+    asked = free if aside is None else free & ~aside
+    apart = np.abs(fit.found.epipolar[asked]) / fit.epipolar_noise.level
     near = int(np.count_nonzero(apart < AGREES))
     beyond = int(np.count_nonzero((apart > CUTOFF) & (apart < FAR)))
     chance = max(beyond, 1) * AGREES / (FAR - CUTOFF)
-    if near > chance and near * np.log(near / chance) - (near - chance) > CHANCE_NATS:
+    silent = aside
+    if not (near > chance and near * np.log(near / chance) - (near - chance) > CHANCE_NATS):
+        silent = free if aside is None else free | aside
+    if silent is None or not silent.any():
         return fit
     both, weights = fit.found.both.copy(), fit.robust_weights.copy()
-    both[:, free], weights[:, free] = np.nan, 0.0
+    both[:, silent], weights[:, silent] = np.nan, 0.0
     return replace(fit, found=Residuals(both), robust_weights=weights)
 
 

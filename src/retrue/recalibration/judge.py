@@ -9,11 +9,11 @@ from math import erfc, exp, log, pi, sqrt
 import numpy as np
 
 from retrue.correspondences import Correspondences
-from retrue.errors import InputError
+from retrue.errors import DegenerateError, InputError
 from retrue.geometry.arrays import BoolArray, FloatArray, IntArray, finite_array
 from retrue.geometry.robust import CUTOFF
 from retrue.geometry.transform import direction_angle, rotation_angle
-from retrue.geometry.two_view import POSE_PARAMETERS, TwoViewPoints, TwoViewPose
+from retrue.geometry.two_view import FREE, POSE_PARAMETERS, TwoViewPoints, TwoViewPose
 from retrue.recalibration.bows import bow_shapes, measured_scale
 from retrue.recalibration.candidates import (
     behind,
@@ -22,13 +22,23 @@ from retrue.recalibration.candidates import (
     match_noise,
     refined_poses,
     starting_poses,
+    twins_of_planes,
     with_planes,
 )
 from retrue.recalibration.fit import PoseFit, Support
 from retrue.recalibration.lens import FOCAL, stated_prior, wide_prior
 from retrue.recalibration.lens_evidence import LensEvidence, effective_prior, lens_evidence
 from retrue.recalibration.options import RecalibrateOptions
-from retrue.recalibration.parts import OtherPart, differing_capture, other_part, unexplained
+from retrue.recalibration.parts import (
+    Part,
+    differing_capture,
+    homography_levels,
+    other_part,
+    parts_apart,
+    set_aside,
+    shifted_copy,
+    unexplained,
+)
 from retrue.recalibration.posterior import (
     Measured,
     Parameters,
@@ -36,6 +46,7 @@ from retrue.recalibration.posterior import (
     Posterior,
     Prior,
     fit_posterior,
+    posterior_at,
 )
 from retrue.recalibration.rays import Rays, rays_of_captures
 from retrue.recalibration.reasons import (
@@ -54,13 +65,7 @@ from retrue.rig import Rig
 
 COMPARED_POINTS = 1500  # enough to tell hypotheses apart; the best is then fitted to all
 HYPOTHESES = 4  # fitted with their lenses; the others explain much less
-UNEXPLAINED = 12.0  # of chi-square: what a point costs that a hypothesis does not explain, or has behind a device
-CHANCE = 3.5  # standard deviations of a sum over points that are there by chance
-NEAREST_DEG = 1.0  # a move below this is none: nearer to the old pose says no more
-LIGHT_TRUST = 0.25  # of the light's own likelihood: paint and gloss are not what it models
-KNOWN_FOCAL = 0.01
-CHANGED_GAIN = 30.0  # of chi-square; eight parameters that nobody touched gain as much once in 5000 times
-DOUBTFUL_GAIN = 9.0
+LOUD = 1.5  # times the noise that its own planes leave: a pose that explains what does not belong together
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -86,7 +91,7 @@ class Judgement:
     rivals: tuple[Rival, ...]
     lens: LensEvidence
     outside: BoolArray
-    other_part: OtherPart | None
+    other_part: Part | None
     differing: tuple[int, float] | None
 
     @property
@@ -119,9 +124,13 @@ def judge(rig: Rig, captures: Sequence[Correspondences], options: RecalibrateOpt
     light, neighbours = light_of(rig, captures, few), nearest_points(few)
     while True:
         measured = _measured(rig, captures, few, neighbours, options.flatness_sigma)
+        measured = replace(measured, plane_levels=homography_levels(few.points, homographies))
         posteriors = [fit_posterior(measured, start, prior, 6) for start in starts]
-        best, rivals = ranked(posteriors, measured, few, light, old, rng)
+        best, rivals = ranked(posteriors, measured, few, light, old, None, rng)
         part = other_part(best, unexplained(best), rng)
+        apart = _apart(posteriors, best, part, measured, noise)
+        if apart:
+            best, rivals = ranked([*posteriors, *apart], measured, few, light, old, part, rng)
         lens = lens_evidence(measured, homographies, best, part, tight, wide)
         curved = curved_planes(best)
         if lens.verdict == "changed" or not curved.any():  # through a changed lens no plane looks flat
@@ -131,19 +140,57 @@ def judge(rig: Rig, captures: Sequence[Correspondences], options: RecalibrateOpt
         starts = [fit.parameters.without_planes(curved) for fit in posteriors]
     start = best.parameters
     if lens.verdict == "changed" and options.lens == "refit" and lens.posterior is not None:
-        best, rivals = ranked([lens.posterior, *lens.others], measured, few, light, old, rng)
+        best, rivals = ranked([lens.posterior, *lens.others], measured, few, light, old, part, rng)
         start, prior = best.parameters, Prior(wide, free=True)
     elif lens.verdict == "checked":
         prior = Prior(effective_prior(prior.lens, lens))
     nobody = np.empty((len(rays), 0), dtype=np.int64)
     whole = _measured(rig, captures, rays, nobody, options.flatness_sigma)
+    for other in parts_apart(posterior_at(whole, start, prior), part, measured.plane_levels):
+        whole = set_aside(whole, other)
     answer = fit_posterior(whole, start, prior, 3)
     scale = measured_scale(answer.parameters.bows.ravel(), answer.bow_information)
     whole = replace(whole, flatness=scale * whole.flatness)
     answer = fit_posterior(whole, replace(answer.parameters, bows=answer.parameters.bows / scale), prior, 3)
     outside = unexplained(answer)
-    part = other_part(answer, outside, rng)
+    others = [
+        *parts_apart(answer, part, measured.plane_levels),
+        shifted_copy(answer, outside),
+        None if part else other_part(answer, outside, rng),
+    ]
+    part = max(
+        (other for other in others if other is not None and other.count), key=lambda one: one.count, default=None
+    )
     return Judgement(rays, whole, answer, best, rivals, lens, outside, part, differing_capture(whole, rays, answer))
+
+
+def _apart(
+    posteriors: list[Posterior], best: Posterior, part: Part | None, measured: Measured, noise: float
+) -> list[Posterior]:
+    """Each hypothesis fitted again without the parts that it does not explain, though they have an explanation.
+
+    And each plane by itself where the best is louder than neighbours are: it may then explain what does not belong
+    together.
+    """
+    points = measured.support.points
+    starts = [(fit.parameters, parts_apart(fit, part, measured.plane_levels)) for fit in posteriors]
+    nominal = float(np.median(np.hypot(points.camera_sigma, points.projector_sigma)))
+    homographies = [best.pose.R + best.pose.t[:, None] * n for n in best.pose.planes]
+    if len(homographies) > 1 and not best.fit.epipolar_noise.level * nominal < LOUD * noise:
+        for plane, twin in twins_of_planes(points, homographies):
+            elsewhere = (points.plane_index != plane) & (points.plane_index != FREE)
+            starts.append((Parameters.of(twin), [Part("another plane", elsewhere, 8, 2, 0.0)]))
+    found: list[Posterior] = []
+    for start, others in starts:
+        if others:
+            apart = measured
+            for other in others:
+                apart = set_aside(apart, other)
+            try:
+                found.append(fit_posterior(apart, start, best.prior, 6))
+            except DegenerateError:
+                continue
+    return found
 
 
 def objection(

@@ -13,7 +13,7 @@ from retrue.geometry.robust import biweight_loss
 from retrue.recalibration.candidates import behind, same_pose
 from retrue.recalibration.chance import beyond_chance
 from retrue.recalibration.lens import FOCAL, LENS_PARAMETERS, LensPrior, scaled_starts
-from retrue.recalibration.parts import OtherPart
+from retrue.recalibration.parts import Part
 from retrue.recalibration.posterior import Measured, Parameters, Posterior, Prior, fit_posterior, posterior_at
 from retrue.recalibration.rivals import UNEXPLAINED, least
 
@@ -51,7 +51,7 @@ def lens_evidence(
     measured: Measured,
     homographies: list[FloatArray],
     best: Posterior,
-    part: OtherPart | None,
+    part: Part | None,
     tight: LensPrior,
     wide: LensPrior,
 ) -> LensEvidence:
@@ -77,7 +77,7 @@ def lens_evidence(
                 fits.append(fit_posterior(real, start, Prior(wide, free=True), iterations))
             except DegenerateError:
                 continue
-        posterior = least(fits, measured.neighbours)
+        posterior = least(fits, measured)
         others = tuple(fit for fit in fits if not same_pose(fit.pose, posterior.pose))
         gain = max(
             _gain(real, best, posterior, _with_focal_of(wide, tight), part),
@@ -123,7 +123,7 @@ def _with_focal_of(wide: LensPrior, tight: LensPrior) -> LensPrior:
     return LensPrior(covariance)
 
 
-def _gain(measured: Measured, best: Posterior, free: Posterior, prior: LensPrior, part: OtherPart | None) -> float:
+def _gain(measured: Measured, best: Posterior, free: Posterior, prior: LensPrior, part: Part | None) -> float:
     """Chi-square by which the points prefer the free lenses to those of the prior, wherever that fits best.
 
     In the noise of the latter, which free lenses must explain.

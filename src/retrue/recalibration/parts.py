@@ -2,15 +2,16 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from retrue.errors import DegenerateError
-from retrue.geometry.arrays import BoolArray
-from retrue.geometry.five_points import best_essential, poses_of_essential, sampson_squares
-from retrue.geometry.robust import CUTOFF
-from retrue.geometry.two_view import POSE_PARAMETERS, TwoViewPose
+from retrue.geometry.arrays import BoolArray, FloatArray
+from retrue.geometry.five_points import best_essential, sampson_squares
+from retrue.geometry.robust import CUTOFF, biweight_level
+from retrue.geometry.two_view import FREE, POSE_PARAMETERS, TwoViewPoints
 from retrue.recalibration.candidates import behind
 from retrue.recalibration.posterior import Measured, PosePrior, Posterior, fit_posterior
 from retrue.recalibration.rays import Rays
@@ -18,14 +19,31 @@ from retrue.recalibration.rays import Rays
 FEWEST_OF_A_PART = 15
 CENTRES = 50  # shifts to look for others about
 SHARE_OF_A_PART = 0.3  # of the unexplained points; five free choices among wrong matches bring few together
+MOST_OF_A_PLANE = 0.5  # of its points, that the pose explains though the plane belongs to another
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class OtherPart:
-    """Points (N,) that the answer does not explain, and that share another pose."""
+class Part:
+    """Points that share another explanation than the pose.
 
+    A reflected scene has an essential matrix of its own, what moved has one, too; a plane has its homography.
+
+    Attributes
+    ----------
+    rows : (N,) which.
+    parameters : how many free ones it has.
+    residuals : how many of each point it explains: that across the epipolar line, or both.
+    level : noise that it leaves.
+    essential, reach : its essential matrix (3, 3), where it has one, and how far from it points agree.
+    """
+
+    name: str
     rows: BoolArray
-    pose: TwoViewPose
+    parameters: int
+    residuals: int
+    level: float
+    essential: FloatArray | None = None
+    reach: float = 0.0
 
     @property
     def count(self) -> int:
@@ -41,8 +59,33 @@ def unexplained(posterior: Posterior) -> BoolArray:
     return wrong | behind(posterior.pose, posterior.points, level)
 
 
-def shifted_copy(posterior: Posterior, outside: BoolArray) -> BoolArray | None:
-    """(N,) unexplained points that one shift, in either picture, puts where a plane has them; None where no many are.
+def homography_levels(points: TwoViewPoints, homographies: Sequence[FloatArray]) -> tuple[float, ...]:
+    """(P,) noise that the homography of each plane leaves by itself, as a multiple of the points' own sigma."""
+    levels: list[float] = []
+    for index, H in enumerate(homographies):
+        mine = points.select(points.plane_index == index)
+        x = np.column_stack([mine.camera_rays, np.ones(len(mine))]) @ H.T
+        magnified = np.sqrt(np.abs(np.linalg.det(H) / x[:, 2] ** 3))
+        sigma = np.hypot(mine.camera_sigma * magnified, mine.projector_sigma)
+        missed = (mine.projector_rays - x[:, :2] / x[:, 2:]) / sigma[:, None]
+        levels.append(biweight_level(missed.ravel(), 2 * len(mine) / max(2 * len(mine) - 8, 1)))
+    return tuple(levels)
+
+
+def planes_apart(posterior: Posterior, outside: BoolArray, levels: Sequence[float]) -> list[Part]:
+    """Planes that the pose does not explain: each still has its homography, with what noise that leaves."""
+    plane = posterior.points.plane_index
+    found: list[Part] = []
+    for index in range(len(posterior.pose.planes)):
+        members = plane == index
+        rows = members & (outside | ~(posterior.fit.robust_weights[1] > 0))
+        if np.count_nonzero(rows) > max(FEWEST_OF_A_PART, (1 - MOST_OF_A_PLANE) * np.count_nonzero(members)):
+            found.append(Part("a plane of its own", members, 8, 2, levels[index]))
+    return found
+
+
+def shifted_copy(posterior: Posterior, outside: BoolArray) -> Part | None:
+    """Unexplained points that one shift, in either picture, puts where a plane has them; None where no many are.
 
     Repeated texture, or a code that repeats, makes such matches. The shift is the mode of what the points ask for.
     """
@@ -51,8 +94,7 @@ def shifted_copy(posterior: Posterior, outside: BoolArray) -> BoolArray | None:
     fewest = max(FEWEST_OF_A_PART, int(SHARE_OF_A_PART * len(rows)))
     if len(rows) < fewest:
         return None
-    noise = float(np.median(np.hypot(points.camera_sigma, points.projector_sigma)))
-    noise *= 4 * float(np.hypot(posterior.fit.along_noise.level, posterior.fit.along_noise.shared))
+    noise = _noise(points, np.hypot(posterior.fit.along_noise.level, posterior.fit.along_noise.shared)) * 4
     x = np.column_stack([points.camera_rays[rows], np.ones(len(rows))])
     y = np.column_stack([points.projector_rays[rows], np.ones(len(rows))])
     best: BoolArray | None = None
@@ -70,17 +112,19 @@ def shifted_copy(posterior: Posterior, outside: BoolArray) -> BoolArray | None:
         return None
     copy = np.zeros(len(outside), dtype=np.bool_)
     copy[rows[best]] = True
-    return copy
+    return Part("a shifted copy", copy, 2, 2, max(posterior.fit.epipolar_noise.level, posterior.fit.along_noise.level))
 
 
-def other_part(posterior: Posterior, outside: BoolArray, rng: np.random.Generator) -> OtherPart | None:
-    """The unexplained points that share another pose, where they are more than chance brings together."""
+def other_part(posterior: Posterior, outside: BoolArray, rng: np.random.Generator) -> Part | None:
+    """The unexplained points that share another pose, where they are more than chance brings together.
+
+    With them those that agree with both poses, unless they lie on a plane that the answer explains.
+    """
     rows = np.flatnonzero(outside)
     if len(rows) < FEWEST_OF_A_PART:
         return None
     points = posterior.points.select(rows)
-    noise = float(np.median(np.hypot(points.camera_sigma, points.projector_sigma)))
-    noise *= float(np.hypot(posterior.fit.epipolar_noise.level, posterior.fit.epipolar_noise.shared))
+    noise = _noise(points, np.hypot(posterior.fit.epipolar_noise.level, posterior.fit.epipolar_noise.shared))
     samples = rng.integers(0, len(rows), (60, 5))
     scored = rng.permutation(len(rows))[:600]
     E = best_essential(points.camera_rays, points.projector_rays, noise, samples, scored)
@@ -89,10 +133,29 @@ def other_part(posterior: Posterior, outside: BoolArray, rng: np.random.Generato
     agree = sampson_squares(E, points.camera_rays, points.projector_rays) < (3 * noise) ** 2
     if np.count_nonzero(agree) < max(FEWEST_OF_A_PART, SHARE_OF_A_PART * len(rows)):
         return None
-    R, t = poses_of_essential(E)[0]
-    part = np.zeros(len(outside), dtype=np.bool_)
-    part[rows[agree]] = True
-    return OtherPart(part, TwoViewPose(R, t))
+    return part_of_essential(posterior, outside, E, 3 * noise)
+
+
+def part_of_essential(posterior: Posterior, outside: BoolArray, E: FloatArray, reach: float) -> Part:
+    """The points that agree with E (3, 3) to within `reach`, and do not lie on a plane that the pose explains."""
+    points = posterior.points
+    loose = outside | (points.plane_index == FREE) | ~(posterior.fit.robust_weights[1] > 0)
+    agree = sampson_squares(E, points.camera_rays, points.projector_rays) < reach**2
+    return Part("another pose", loose & agree, POSE_PARAMETERS, 1, posterior.fit.epipolar_noise.level, E, reach)
+
+
+def set_aside(measured: Measured, part: Part) -> Measured:
+    """The same without the points of that part: they stay in their rows and leave no residual."""
+    return replace(measured, aside=part.rows if measured.aside is None else part.rows | measured.aside)
+
+
+def parts_apart(posterior: Posterior, part: Part | None, levels: Sequence[float]) -> list[Part]:
+    """What the pose does not explain, though it has an explanation: planes, and those of `part` among all points."""
+    outside = unexplained(posterior)
+    found = planes_apart(posterior, outside, levels)
+    if part is not None and part.essential is not None:
+        found.append(part_of_essential(posterior, outside, part.essential, part.reach))
+    return found
 
 
 def differing_capture(measured: Measured, rays: Rays, answer: Posterior) -> tuple[int, float] | None:
@@ -113,3 +176,8 @@ def differing_capture(measured: Measured, rays: Rays, answer: Posterior) -> tupl
         if deviations > furthest[1]:
             furthest = capture, deviations
     return furthest
+
+
+def _noise(points: TwoViewPoints, level: float) -> float:
+    """Of a match, in the unit of the rays."""
+    return float(np.median(np.hypot(points.camera_sigma, points.projector_sigma))) * float(level)

@@ -49,6 +49,8 @@ class Measured:
     flatness : RMS bow of planes, relative to their distance.
     neighbours : (N, 4) rows of the nearest points in the picture; (N, 0) where nobody asks.
     misfit : px, what no lens model explains of a real lens, and a part of the picture shares; part of the noise.
+    plane_levels : (P,) noise that each plane's own homography leaves.
+    aside : (N,) rows that belong to another pose and leave no residual.
     """
 
     rig: Rig
@@ -59,6 +61,8 @@ class Measured:
     flatness: float
     neighbours: IntArray
     misfit: float = 0.0
+    plane_levels: tuple[float, ...] = ()
+    aside: BoolArray | None = None
 
     def __len__(self) -> int:
         return len(self.camera_px)
@@ -72,6 +76,7 @@ class Measured:
             support=Support(self.support.points.select(rows), np.ascontiguousarray(self.support.blocks[:, rows])),
             shapes=self.shapes[rows],
             neighbours=np.empty((0, 0), dtype=np.int64),
+            aside=None if self.aside is None else self.aside[rows],
         )
 
 
@@ -315,7 +320,7 @@ def _cost(fit: Posterior, reference: Posterior) -> float:
 def posterior_at(measured: Measured, parameters: Parameters, prior: Prior) -> Posterior:
     """Residuals, noise and weights at one place of the parameters; normal equations when they are asked for."""
     points, turns = _seen(measured, parameters)
-    fit = without_chance(evaluate(parameters.pose, Support(points, measured.support.blocks)))
+    fit = without_chance(evaluate(parameters.pose, Support(points, measured.support.blocks)), measured.aside)
     if measured.misfit > 0:
         fit = _with_misfit(fit, measured)
     return Posterior(parameters, prior, points, fit, turns)

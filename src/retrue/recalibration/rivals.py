@@ -10,14 +10,14 @@ import numpy as np
 from retrue.correspondences import Correspondences
 from retrue.geometry.arrays import BoolArray, FloatArray, IntArray
 from retrue.geometry.nearest import nearest_of_all
-from retrue.geometry.robust import CUTOFF
+from retrue.geometry.robust import CUTOFF, Noise, biweight_loss
 from retrue.geometry.transform import direction_angle, rotation_angle
 from retrue.geometry.two_view import FREE, POSE_PARAMETERS, TwoViewPose
 from retrue.recalibration.candidates import behind, same_pose, twins_of
 from retrue.recalibration.chance import beyond_chance
-from retrue.recalibration.fit import chi_square
+from retrue.recalibration.fit import PoseFit
 from retrue.recalibration.light import light_costs, log_irradiance
-from retrue.recalibration.parts import shifted_copy, unexplained
+from retrue.recalibration.parts import Part, planes_apart, shifted_copy, unexplained
 from retrue.recalibration.posterior import Measured, PosePrior, Posterior, posterior_at
 from retrue.recalibration.rays import Rays
 from retrue.rig import Rig
@@ -55,43 +55,87 @@ class Rival:
         return self.points + self.light + self.move
 
 
-def costs(posterior: Posterior, reference: Posterior, neighbours: IntArray) -> FloatArray:
-    """(N,) chi-square of each point in the noise of the reference, saturated.
+@dataclass(frozen=True, slots=True)
+class Floor:
+    """The smallest noise of any hypothesis, across and along the epipolar line, with each residual's variance."""
 
-    So is that of a point that the hypothesis has behind a device, or hides: surfaces are opaque, and planes that
-    alternate all over the picture are not two.
+    across: Noise
+    along: Noise
+
+    @classmethod
+    def of(cls, posteriors: Sequence[Posterior]) -> Floor:
+        """Each family's own."""
+        fits = [posterior.fit for posterior in posteriors]
+        return cls(
+            min((fit.epipolar_noise for fit in fits), key=lambda noise: noise.level),
+            min((fit.along_noise for fit in fits), key=lambda noise: noise.level),
+        )
+
+
+def costs(posterior: Posterior, floor: Floor, neighbours: IntArray) -> FloatArray:
+    """(N,) -2 log likelihood of each point, up to a constant, saturated: rho(r / s) + 2 log(s / floor) of residuals r.
+
+    s is the hypothesis' own noise: who needs more of it pays for that at each point. As much as an unexplained point
+    costs one that the hypothesis has behind a device, or hides: surfaces are opaque, and planes that alternate all over
+    the picture are not two.
     """
-    found = chi_square(posterior.fit, reference.fit)
-    level = posterior.fit.epipolar_noise.level
-    impossible = behind(posterior.pose, posterior.points, level) | _hidden(posterior, neighbours)
+    fit = posterior.fit
+    families = zip(
+        fit.found.both,
+        (fit.epipolar_noise, fit.along_noise),
+        (floor.across, floor.along),
+        _wider(fit, floor),
+        strict=True,
+    )
+    found = np.zeros(len(posterior.points))
+    for values, noise, least, wider in families:
+        loss = np.minimum(biweight_loss(values / noise.level) + wider, UNEXPLAINED)
+        found += loss * (least.level**2 / least.variance)
+    impossible = behind(posterior.pose, posterior.points, fit.epipolar_noise.level) | _hidden(posterior, neighbours)
     return np.where(impossible, np.maximum(found, UNEXPLAINED), found)
 
 
-def total(posterior: Posterior, reference: Posterior, neighbours: IntArray) -> float:
-    """Of all points and the priors."""
-    return float(costs(posterior, reference, neighbours).sum()) + posterior.prior_cost
+def _wider(fit: PoseFit, floor: Floor) -> tuple[float, float]:
+    across, along = fit.epipolar_noise.level / floor.across.level, fit.along_noise.level / floor.along.level
+    return 2 * float(np.log(across)), 2 * float(np.log(along))
 
 
-def explained_costs(posterior: Posterior, reference: Posterior, neighbours: IntArray) -> tuple[FloatArray, float]:
-    """`costs` (N,) where a part of the points may be a shifted copy; and what the priors, planes and that copy cost.
+def explained_costs(
+    posterior: Posterior, floor: Floor, measured: Measured, part: Part | None
+) -> tuple[FloatArray, float]:
+    """`costs` (N,) where a part of the points may have another explanation; and what the priors, planes and that cost.
 
-    A plane has three free parameters and a copy two, each of which a wider range would have fitted as well.
+    A plane has three free parameters, a shifted copy two, a plane of its own eight, another pose five, each of which a
+    wider range would have fitted as well.
     """
-    found = costs(posterior, reference, neighbours)
+    found = costs(posterior, floor, measured.neighbours)
     plane = posterior.points.plane_index
     counts = np.bincount(plane[(plane != FREE) & (posterior.fit.robust_weights[1] > 0)], minlength=1)
     price = posterior.prior_cost + 3 * PARAMETER * int(np.count_nonzero(counts >= FEWEST_OF_A_PLANE))
-    copy = shifted_copy(posterior, unexplained(posterior))
-    if copy is not None:
-        found[copy] = np.minimum(found[copy], 2.0)
-        price += 2 * PARAMETER
+    outside = unexplained(posterior)
+    copy = shifted_copy(posterior, outside)
+    others = planes_apart(posterior, outside, measured.plane_levels)
+    for other in [*others, *(one for one in (copy, part) if one is not None)]:
+        levels = [floor.across.level, floor.along.level][: other.residuals]
+        explained = sum(1 + 2 * max(float(np.log(other.level / level)), 0.0) for level in levels)
+        if other.residuals == 1:
+            explained += np.where(plane[other.rows] != FREE, UNEXPLAINED, 0.0)
+        gained = np.maximum(found[other.rows] - explained, 0.0)
+        if float(gained.sum()) > other.parameters * PARAMETER:
+            found[other.rows] -= gained
+            price += other.parameters * PARAMETER
     return found, price
 
 
-def least(posteriors: list[Posterior], neighbours: IntArray) -> Posterior:
+def least(posteriors: list[Posterior], measured: Measured) -> Posterior:
     """The posterior of least cost."""
-    reference = min(posteriors, key=lambda fit: fit.fit.epipolar_noise.level)
-    return min(posteriors, key=lambda fit: total(fit, reference, neighbours))
+    floor = Floor.of(posteriors)
+
+    def total(fit: Posterior) -> float:
+        found, price = explained_costs(fit, floor, measured, None)
+        return float(found.sum()) + price
+
+    return min(posteriors, key=total)
 
 
 def nearest_points(rays: Rays) -> IntArray:
@@ -133,12 +177,16 @@ def ranked(
     few: Rays,
     light: Light | None,
     old: TwoViewPose,
+    part: Part | None,
     rng: np.random.Generator,
 ) -> tuple[Posterior, tuple[Rival, ...]]:
-    """The hypothesis that none other beats in evidence, and those others; its twins are among them, as they stand."""
-    best, asked = least(posteriors, measured.neighbours), 0
+    """The hypothesis that none other beats in evidence, and those others; its twins are among them, as they stand.
+
+    `part` has another pose, whichever hypothesis is right.
+    """
+    best, asked = least(posteriors, measured), 0
     while True:
-        rivals = _rivals(best, posteriors, measured, few, light, old, rng)
+        rivals = _rivals(best, posteriors, measured, few, light, old, part, rng)
         strongest = min(rivals, key=lambda rival: rival.margin, default=None)
         asked += 1
         if strongest is None or not strongest.margin < 0 or asked > len(posteriors):
@@ -153,6 +201,7 @@ def _rivals(
     few: Rays,
     light: Light | None,
     old: TwoViewPose,
+    part: Part | None,
     rng: np.random.Generator,
 ) -> tuple[Rival, ...]:
     others = [("another pose", fit) for fit in posteriors if not _same(best, fit.pose)]
@@ -163,7 +212,7 @@ def _rivals(
     if light is not None and others:
         lit = light.evidence(best, [fit for _, fit in others], few, rng)
     return tuple(
-        Rival(name, fit, _point_evidence(best, fit, measured), seen, _move(fit.pose, old) - _move(best.pose, old))
+        Rival(name, fit, _point_evidence(best, fit, measured, part), seen, _move(fit.pose, old) - _move(best.pose, old))
         for (name, fit), seen in zip(others, lit, strict=True)
     )
 
@@ -176,13 +225,14 @@ def _same(best: Posterior, pose: TwoViewPose) -> bool:
     return float(difference @ np.linalg.solve(best.covariance, difference)) < WITHIN**2
 
 
-def _point_evidence(best: Posterior, rival: Posterior, measured: Measured) -> float:
+def _point_evidence(best: Posterior, rival: Posterior, measured: Measured, part: Part | None) -> float:
     """Nats, of points off the plane that the rival fits, because that plane fits both, and points behind a device.
 
     A sum that a few points make, as chance would have it, counts less.
     """
-    points, neighbours = measured.support.points, measured.neighbours
-    (lost, price), (held, own_price) = explained_costs(rival, best, neighbours), explained_costs(best, best, neighbours)
+    points, neighbours, floor = measured.support.points, measured.neighbours, Floor.of([best, rival])
+    lost, price = explained_costs(rival, floor, measured, part)
+    held, own_price = explained_costs(best, floor, measured, part)
     preferred = lost - held
     everywhere = float(preferred.sum()) + price - own_price
     near = np.abs(rival.fit.found.along) < CUTOFF * best.fit.along_noise.level
@@ -221,6 +271,9 @@ class Light:
                 log_irradiance(points.projector_rays[mine], fit.pose.R, fit.pose.t, fit.pose.planes[plane])
                 for fit in (best, *others)
             ]
+            for index, other in enumerate(others, 1):  # of what only one of the two explains, light tells nothing
+                known = other.fit.robust_weights[1][mine] > 0
+                predictions[index] = np.where(known, predictions[index], predictions[0])
             where = points.camera_rays[mine], self.raster[mine]
             light_cost = light_costs(self.light[mine], self.light_class[mine], *where, predictions, rng)
             if light_cost is not None:
