@@ -13,7 +13,7 @@ from retrue.errors import DegenerateError, InputError
 from retrue.geometry.arrays import BoolArray, FloatArray, IntArray, finite_array
 from retrue.geometry.robust import CUTOFF
 from retrue.geometry.transform import direction_angle, rotation_angle
-from retrue.geometry.two_view import FREE, POSE_PARAMETERS, TwoViewPoints, TwoViewPose
+from retrue.geometry.two_view import POSE_PARAMETERS, TwoViewPoints, TwoViewPose
 from retrue.recalibration.bows import bow_shapes, measured_scale
 from retrue.recalibration.candidates import (
     behind,
@@ -128,7 +128,7 @@ def judge(rig: Rig, captures: Sequence[Correspondences], options: RecalibrateOpt
         posteriors = [fit_posterior(measured, start, prior, 6) for start in starts]
         best, rivals = ranked(posteriors, measured, few, light, old, None, rng)
         part = other_part(best, unexplained(best), rng)
-        apart = _apart(posteriors, best, part, measured, noise)
+        apart = _apart(posteriors, best, part, measured)
         if apart:
             best, rivals = ranked([*posteriors, *apart], measured, few, light, old, part, rng)
         lens = lens_evidence(measured, homographies, best, part, tight, wide)
@@ -164,22 +164,20 @@ def judge(rig: Rig, captures: Sequence[Correspondences], options: RecalibrateOpt
     return Judgement(rays, whole, answer, best, rivals, lens, outside, part, differing_capture(whole, rays, answer))
 
 
-def _apart(
-    posteriors: list[Posterior], best: Posterior, part: Part | None, measured: Measured, noise: float
-) -> list[Posterior]:
+def _apart(posteriors: list[Posterior], best: Posterior, part: Part | None, measured: Measured) -> list[Posterior]:
     """Each hypothesis fitted again without the parts that it does not explain, though they have an explanation.
 
-    And each plane by itself where the best is louder than neighbours are: it may then explain what does not belong
+    And each plane by itself where the best is louder than one of them alone: it may explain what does not belong
     together.
     """
     points = measured.support.points
     starts = [(fit.parameters, parts_apart(fit, part, measured.plane_levels)) for fit in posteriors]
-    nominal = float(np.median(np.hypot(points.camera_sigma, points.projector_sigma)))
-    homographies = [best.pose.R + best.pose.t[:, None] * n for n in best.pose.planes]
-    if len(homographies) > 1 and not best.fit.epipolar_noise.level * nominal < LOUD * noise:
+    quiet = LOUD * min(measured.plane_levels, default=np.inf)
+    if not max(best.fit.epipolar_noise.level, best.fit.along_noise.level) < quiet:
+        homographies = [best.pose.R + best.pose.t[:, None] * n for n in best.pose.planes]
         for plane, twin in twins_of_planes(points, homographies):
-            elsewhere = (points.plane_index != plane) & (points.plane_index != FREE)
-            starts.append((Parameters.of(twin), [Part("another plane", elsewhere, 8, 2, 0.0)]))
+            elsewhere = points.plane_index != plane
+            starts.append((Parameters.of(twin), [Part("elsewhere", elsewhere, 8, 2, 0.0)]))
     found: list[Posterior] = []
     for start, others in starts:
         if others:

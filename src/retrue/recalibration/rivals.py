@@ -27,6 +27,7 @@ NEAREST_DEG = 1.0  # a move below this is none: nearer to the old pose says no m
 LIGHT_TRUST = 0.25  # of the light's own likelihood: paint and gloss are not what it models
 PARAMETER = 12.0  # of chi-square, what a free parameter costs: its range is some 400 times what the points leave
 FEWEST_OF_A_PLANE = 12
+ROUGH = 0.3  # of chi-square: what bows and lenses that no model holds make of a point on a plane
 WITHIN = 5.0  # sigma of the best
 APART = 10.0  # times the noise: nearer to the line where two planes meet, either may claim a point
 
@@ -102,8 +103,8 @@ def _wider(fit: PoseFit, floor: Floor) -> tuple[float, float]:
 
 def explained_costs(
     posterior: Posterior, floor: Floor, measured: Measured, part: Part | None
-) -> tuple[FloatArray, float]:
-    """`costs` (N,) where a part of the points may have another explanation; and what the priors, planes and that cost.
+) -> tuple[FloatArray, float, float]:
+    """`costs` (N,) where a part of the points may have another explanation; the price of priors and planes; of that.
 
     A plane has three free parameters, a shifted copy two, a plane of its own eight, another pose five, each of which a
     wider range would have fitted as well.
@@ -111,7 +112,7 @@ def explained_costs(
     found = costs(posterior, floor, measured.neighbours)
     plane = posterior.points.plane_index
     counts = np.bincount(plane[(plane != FREE) & (posterior.fit.robust_weights[1] > 0)], minlength=1)
-    price = posterior.prior_cost + 3 * PARAMETER * int(np.count_nonzero(counts >= FEWEST_OF_A_PLANE))
+    price, parts = posterior.prior_cost + 3 * PARAMETER * int(np.count_nonzero(counts >= FEWEST_OF_A_PLANE)), 0.0
     outside = unexplained(posterior)
     copy = shifted_copy(posterior, outside)
     others = planes_apart(posterior, outside, measured.plane_levels)
@@ -123,8 +124,8 @@ def explained_costs(
         gained = np.maximum(found[other.rows] - explained, 0.0)
         if float(gained.sum()) > other.parameters * PARAMETER:
             found[other.rows] -= gained
-            price += other.parameters * PARAMETER
-    return found, price
+            parts += other.parameters * PARAMETER
+    return found, price, parts
 
 
 def least(posteriors: list[Posterior], measured: Measured) -> Posterior:
@@ -132,8 +133,8 @@ def least(posteriors: list[Posterior], measured: Measured) -> Posterior:
     floor = Floor.of(posteriors)
 
     def total(fit: Posterior) -> float:
-        found, price = explained_costs(fit, floor, measured, None)
-        return float(found.sum()) + price
+        found, price, parts = explained_costs(fit, floor, measured, None)
+        return float(found.sum()) + price + parts
 
     return min(posteriors, key=total)
 
@@ -226,23 +227,37 @@ def _same(best: Posterior, pose: TwoViewPose) -> bool:
 
 
 def _point_evidence(best: Posterior, rival: Posterior, measured: Measured, part: Part | None) -> float:
-    """Nats, of points off the plane that the rival fits, because that plane fits both, and points behind a device.
+    """Nats, of the points and of what has to be taken for a part of its own.
 
-    A sum that a few points make, as chance would have it, counts less.
+    A sum that a few points make, as chance would have it, counts less. Of a plane that both fit, the difference counts
+    that is larger than what no model explains of a real wall.
     """
-    points, neighbours, floor = measured.support.points, measured.neighbours, Floor.of([best, rival])
-    lost, price = explained_costs(rival, floor, measured, part)
-    held, own_price = explained_costs(best, floor, measured, part)
+    floor = Floor.of([best, rival])
+    lost, price, parts = explained_costs(rival, floor, measured, part)
+    held, own_price, own_parts = explained_costs(best, floor, measured, part)
     preferred = lost - held
-    everywhere = float(preferred.sum()) + price - own_price
-    near = np.abs(rival.fit.found.along) < CUTOFF * best.fit.along_noise.level
-    fitted = points.plane_index[near]
-    off = np.ones(len(points), dtype=np.bool_)
-    if len(fitted):
-        off = behind(rival.pose, rival.points, rival.fit.epipolar_noise.level)
-        off |= _hidden(rival, neighbours) | (points.plane_index != int(np.argmax(np.bincount(fitted))))
-    elsewhere = float(preferred[off].sum()) + min(price - own_price, 0.0)
-    return 0.5 * min(elsewhere, everywhere) * beyond_chance(preferred[off])
+    shared = _shared_plane(best, rival, measured)
+    elsewhere = preferred[~shared]
+    told = float(elsewhere.sum()) * beyond_chance(elsewhere) + min(price - own_price, 0.0) + parts - own_parts
+    if shared.any():
+        mean = float(preferred[shared].mean())
+        told += np.count_nonzero(shared) * float(np.sign(mean)) * max(abs(mean) - ROUGH, 0.0)
+    return 0.5 * told
+
+
+def _shared_plane(best: Posterior, rival: Posterior, measured: Measured) -> BoolArray:
+    """(N,) points of the plane that both fit, if there is one: twins do."""
+    plane = rival.points.plane_index
+    near = plane != FREE
+    for values, noise in zip(rival.fit.found.both, (best.fit.epipolar_noise, best.fit.along_noise), strict=True):
+        near = near & (np.abs(values) < CUTOFF * noise.level)
+    if not near.any():
+        return near
+    shared = plane == int(np.argmax(np.bincount(plane[near])))
+    if np.count_nonzero(near & shared) * 2 < np.count_nonzero(shared):
+        return np.zeros_like(near)
+    level = rival.fit.epipolar_noise.level
+    return shared & ~behind(rival.pose, rival.points, level) & ~_hidden(rival, measured.neighbours)
 
 
 def _move(pose: TwoViewPose, old: TwoViewPose) -> float:
