@@ -19,7 +19,8 @@ def test_rays_of_changed_lenses_and_how_they_turn(coefficients: int) -> None:
     found = []
     for kernel in (lenses, plain("lenses")):
         rays, turns = device.unproject(pixels), np.zeros((30, 2, 4))
-        kernel.turn_rays(*lens_numbers(device, change), pixels, True, rays, turns)
+        kernel.move_rays(*lens_numbers(device, change), pixels, rays)
+        kernel.turns_of_rays(*lens_numbers(device, change), rays, turns)
         found.append((rays, turns))
     np.testing.assert_array_equal(found[0][0], found[1][0])
     np.testing.assert_array_equal(found[0][1], found[1][1])
@@ -32,33 +33,6 @@ def test_rays_of_changed_lenses_and_how_they_turn(coefficients: int) -> None:
 
 def test_a_pixel_that_no_ray_maps_to_goes_far() -> None:
     device = Camera((100, 100), [[100, 0, 50], [0, 100, 50], [0, 0, 1]], [-1.0, 0, 0, 0, 0])
-    rays, turns = np.zeros((1, 2)), np.zeros((1, 2, 4))
-    lenses.turn_rays(*lens_numbers(device, np.zeros(4)), np.array([[150.0, 50.0]]), True, rays, turns)
+    rays = np.zeros((1, 2))
+    lenses.move_rays(*lens_numbers(device, np.zeros(4)), np.array([[150.0, 50.0]]), rays)
     np.testing.assert_array_equal(rays, [[1e3, 1e3]])
-
-
-def test_bows_are_taken_off_along_the_epipolar_line() -> None:
-    rng = np.random.default_rng(1)
-    R, t = np.linalg.qr(rng.normal(size=(3, 3)))[0], np.array([0.8, 0.0, 0.6])
-    R *= np.sign(R[2, 2])
-    planes, bows = np.array([[0.1, 0.0, 0.5], [0.0, 0.2, 0.7]]), rng.normal(size=(2, 3))
-    x, shapes, index = rng.uniform(-0.3, 0.3, (20, 2)), rng.normal(size=(20, 3)), np.arange(20) % 3 - 1
-    found = []
-    for kernel in (lenses, plain("lenses")):
-        rays, turns = np.zeros((20, 2)), np.zeros((20, 2, 7))
-        kernel.take_off_bows(R, t, planes, bows, 1e-3, shapes, index, x, rays, turns)
-        found.append((rays, turns))
-    np.testing.assert_array_equal(found[0][0], found[1][0])
-    np.testing.assert_array_equal(found[0][1], found[1][1])
-    rays, turns = found[0]
-    assert not rays[index < 0].any()
-    x3, on = np.column_stack([x, np.ones(20)]), index >= 0
-    disparity = (x3 * planes[index]).sum(axis=1)
-
-    def seen(share: float) -> np.ndarray:
-        w = x3 @ R.T + (disparity * (1 + share))[:, None] * t
-        return w[:, :2] / w[:, 2:]
-
-    slope = (seen(1e-6) - seen(-1e-6)) / 2e-6
-    np.testing.assert_allclose(turns[on][:, :, 4:], (-1e-3 * slope[:, :, None] * shapes[:, None])[on], atol=1e-9)
-    np.testing.assert_allclose(rays[on], (turns[:, :, 4:] * bows[index][:, None]).sum(axis=2)[on], atol=1e-15)

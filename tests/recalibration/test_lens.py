@@ -9,7 +9,7 @@ import pytest
 
 from retrue.errors import InputError
 from retrue.geometry.camera import Camera
-from retrue.kernels.lenses import turn_rays
+from retrue.kernels.lenses import turns_of_rays
 from retrue.recalibration.lens import changed_device, lens_numbers, stated_prior, wide_prior
 from tests.recalibration.scenes import CAMERA, RIG
 
@@ -28,7 +28,7 @@ def test_rays_turn_with_each_lens_parameter_as_differences_say(coefficients: int
         device = random_device(coefficients, rng)
         pixels = rng.uniform([100, 100], [1180, 860], (30, 2))
         rays, found = device.unproject(pixels), np.empty((len(pixels), 2, 4))
-        turn_rays(*lens_numbers(device, np.zeros(4)), pixels, False, rays, found)
+        turns_of_rays(*lens_numbers(device, np.zeros(4)), rays, found)
         for k, step in enumerate(np.diag([1e-5, 1e-2, 1e-2, 1e-5])):
             up, down = (changed_device(device, change).unproject(pixels) for change in (step, -step))
             expected = (up - down) / (2 * step[k])

@@ -12,7 +12,7 @@ from retrue.geometry.transform import vector_from_rotation
 from retrue.geometry.two_view import FREE, TwoViewPose, tangent_basis
 from retrue.recalibration.bows import bow_shapes
 from retrue.recalibration.fit import Support, chi_square
-from retrue.recalibration.lens import changed_device, stated_prior
+from retrue.recalibration.lens import FOCAL, changed_device, stated_prior
 from retrue.recalibration.options import RecalibrateOptions
 from retrue.recalibration.posterior import (
     LENSES,
@@ -33,10 +33,12 @@ SCENES = {"wall": Scene(), "corner": Scene(planes=[WALL, SIDE_WALL])}
 UNIT = POSE.t / np.linalg.norm(POSE.t)
 
 
-def measured_scene(name: str, rig: Rig = RIG, seed: int = 0, noise: float = 0.1) -> tuple[Measured, Parameters]:
-    """A scene without wrong matches, and the truth."""
+def measured_scene(
+    name: str, rig: Rig = RIG, seed: int = 0, noise: float = 0.1, known: Rig = RIG
+) -> tuple[Measured, Parameters]:
+    """A scene without wrong matches, seen by `rig` and taken for seen by the known one; and the truth."""
     points = capture(SCENES[name], rig=rig, grid=(20, 16), seed=seed, noise=noise)
-    rays = rays_of_captures(RIG, [points], OPTIONS.max_points, np.random.default_rng(0))
+    rays = rays_of_captures(known, [points], OPTIONS.max_points, np.random.default_rng(0))
     planes = np.array([normal / np.linalg.norm(normal) / distance for normal, distance in SCENES[name].planes])
     x = np.c_[rays.points.camera_rays, np.ones(len(rays))]
     nearest = np.argmax(x @ planes.T, axis=1)  # inverse depth
@@ -45,7 +47,7 @@ def measured_scene(name: str, rig: Rig = RIG, seed: int = 0, noise: float = 0.1)
     nobody = np.empty((len(rays), 0), dtype=np.int64)
     camera_px, projector_px = points.camera_px[rays.row], points.projector_px[rays.row]
     shapes = bow_shapes(rays.points)
-    return Measured(RIG, camera_px, projector_px, Support.of(rays), shapes, 5e-4, nobody), Parameters.of(pose)
+    return Measured(known, camera_px, projector_px, Support.of(rays), shapes, 5e-4, nobody), Parameters.of(pose)
 
 
 def test_bows_have_unit_size_and_no_tilt() -> None:
@@ -97,6 +99,18 @@ def test_gradient_and_information_are_those_of_the_cost() -> None:
         square = step @ here.information @ step
         assert (up - down) / 1.2 == pytest.approx(here.gradient @ step, abs=0.02 * square)
         assert (up + down - 2 * middle) / 0.18 == pytest.approx(square, rel=0.05)
+
+
+def test_a_bare_wall_tells_nothing_of_focal_lengths() -> None:
+    """Eight numbers of its homography are five of the pose and three of the plane: noise must not pass for more."""
+    straight = replace(RIG, camera=replace(RIG.camera, distortion=np.zeros(0)))
+    measured, truth = measured_scene("wall", straight, noise=0.3, known=straight)
+    prior = Prior(stated_prior(RIG, OPTIONS.focal_sigma, OPTIONS.principal_point_sigma_px, OPTIONS.k1_sigma))
+    posterior = fit_posterior(measured, truth, prior, 10)
+    told = posterior.lens_information[np.ix_(FOCAL, FOCAL)]
+    assert np.abs(told).max() < 1e-4 * posterior.information[5 + 3, 5 + 3]
+    assert np.linalg.eigvalsh(told)[-1] < 100  # less than 10 % of a focal length
+    assert np.abs(posterior.lens_pull[FOCAL]).max() < 10
 
 
 def lens_drawn(rng: np.random.Generator) -> Rig:

@@ -17,67 +17,25 @@ from retrue.geometry.arrays import BoolArray, FloatArray, IntArray
 from retrue.geometry.robust import COVARIANCE_FACTOR, Noise
 from retrue.geometry.transform import vector_from_rotation
 from retrue.geometry.two_view import (
+    NO_TURNS,
+    PARAMETERS,
     POSE_PARAMETERS,
     TwoViewPoints,
     TwoViewPose,
+    corrected_rays,
     normal_blocks,
     tangent_basis,
 )
-from retrue.kernels import lenses as kernel
 from retrue.recalibration.bows import BOWS
 from retrue.recalibration.chance import without_chance
 from retrue.recalibration.fit import PoseFit, Support, chi_square, evaluate, solve_normal_equations
-from retrue.recalibration.lens import LENS_PARAMETERS, LensPrior, changed_device, lens_numbers, magnification
-from retrue.rig import Rig
+from retrue.recalibration.lens import LENS_PARAMETERS, LensPrior
+from retrue.recalibration.measured import Measured
 
 LENSES = 2 * LENS_PARAMETERS
 SETTLED = 1e-3  # of a squared standard deviation
 FLAT = 0.02  # of chi-square: what a damped step gains along a valley where nothing more is to be told
 MUCH_DAMPING, LARGEST_DAMPING = 0.3, 1e6
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class Measured:
-    """Matched pixels of all captures, and what does not change from one fit to the next.
-
-    Attributes
-    ----------
-    rig : whose lenses may change.
-    camera_px, projector_px : (N, 2).
-    support : their rays through the rig's own lenses, with planes and blocks.
-    shapes : (N, 3) bows of each point's plane, RMS 1 over the plane; 0 of points on none.
-    flatness : RMS bow of planes, relative to their distance.
-    neighbours : (N, 4) rows of the nearest points in the picture; (N, 0) where nobody asks.
-    misfit : px, what no lens model explains of a real lens, and a part of the picture shares; part of the noise.
-    plane_levels : (P,) noise that each plane's own homography leaves.
-    aside : (N,) rows that belong to another pose and leave no residual.
-    """
-
-    rig: Rig
-    camera_px: FloatArray
-    projector_px: FloatArray
-    support: Support
-    shapes: FloatArray
-    flatness: float
-    neighbours: IntArray
-    misfit: float = 0.0
-    plane_levels: tuple[float, ...] = ()
-    aside: BoolArray | None = None
-
-    def __len__(self) -> int:
-        return len(self.camera_px)
-
-    def select(self, rows: IntArray | BoolArray) -> Measured:
-        """The same, with only those rows."""
-        return replace(
-            self,
-            camera_px=self.camera_px[rows],
-            projector_px=self.projector_px[rows],
-            support=Support(self.support.points.select(rows), np.ascontiguousarray(self.support.blocks[:, rows])),
-            shapes=self.shapes[rows],
-            neighbours=np.empty((0, 0), dtype=np.int64),
-            aside=None if self.aside is None else self.aside[rows],
-        )
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -171,16 +129,16 @@ class Posterior:
     ----------
     parameters : pose, planes, lenses, bows.
     prior : as it was taken.
-    points : rays through those lenses, the bows taken off.
+    points : rays through those lenses.
     fit : residuals, noise and weights there; its normal equations are those of the pose and the planes alone.
-    turns : how each lens parameter and bow moves the rays of the camera (N, 2, 4) and of the projector (N, 2, 7).
+    measured : what it was fitted to.
     """
 
     parameters: Parameters
     prior: Prior
     points: TwoViewPoints
     fit: PoseFit
-    turns: tuple[FloatArray, FloatArray]
+    measured: Measured
 
     @property
     def information(self) -> FloatArray:
@@ -194,7 +152,16 @@ class Posterior:
 
     @cached_property
     def _normal_equations(self) -> tuple[FloatArray, FloatArray]:
-        return _normal_equations(self)
+        return _normal_equations(self, lenses=True)
+
+    @cached_property
+    def _equations_of_a_step(self) -> tuple[FloatArray, FloatArray]:
+        """Of what the points may move."""
+        if self.prior.free:
+            return self._normal_equations
+        own, _ = self._parts
+        information, gradient = _normal_equations(self, lenses=False)
+        return information[np.ix_(own, own)], gradient[own]
 
     @property
     def pose(self) -> TwoViewPose:
@@ -250,7 +217,7 @@ class Posterior:
     def bow_information(self) -> FloatArray:
         """(3 P, 3 P) of the bows, priors included, pose and planes being free, the lenses as they are."""
         first = POSE_PARAMETERS + 3 * len(self.pose.planes)
-        rest, bows = np.arange(first), np.arange(first + LENSES, len(self.gradient))
+        rest, bows = np.arange(first), np.arange(first + LENSES, first + LENSES + BOWS * len(self.pose.planes))
         cross = self.information[np.ix_(rest, bows)]
         told = self.information[np.ix_(bows, bows)] - cross.T @ solve_normal_equations(
             self.information[np.ix_(rest, rest)], cross
@@ -261,7 +228,7 @@ class Posterior:
     def _parts(self) -> tuple[IntArray, IntArray]:
         """Numbers of all parameters but the lenses, the pose first; and of the lenses."""
         start = POSE_PARAMETERS + 3 * len(self.pose.planes)
-        everything = np.arange(len(self.gradient))
+        everything = np.arange(start + LENSES + BOWS * len(self.pose.planes))
         return np.delete(everything, slice(start, start + LENSES)), everything[start : start + LENSES]
 
     @property
@@ -269,14 +236,14 @@ class Posterior:
         """Squared Mahalanobis length of the parameters in their priors."""
         return self.prior.cost(self.parameters)
 
-    def step(self, damping: float) -> FloatArray:
-        """Of a Levenberg-Marquardt iteration; lenses that are not free stay."""
-        moving = np.arange(len(self.gradient)) if self.prior.free else self._parts[0]
-        information = self.information[np.ix_(moving, moving)]
-        step = np.zeros(len(self.gradient))
+    def step(self, damping: float) -> tuple[FloatArray, float]:
+        """Of a Levenberg-Marquardt iteration, and its squared length in sigma; lenses that are not free stay."""
+        information, gradient = self._equations_of_a_step
         damped = information + damping * np.diag(np.diag(information))
-        step[moving] = solve_normal_equations(damped, -self.gradient[moving])
-        return step
+        found = solve_normal_equations(damped, -gradient)
+        step = np.zeros(POSE_PARAMETERS + LENSES + (3 + BOWS) * len(self.pose.planes))
+        step[slice(None) if self.prior.free else self._parts[0]] = found
+        return step, float(found @ information @ found)
 
 
 def _inverse(information: FloatArray) -> FloatArray:
@@ -294,7 +261,7 @@ def fit_posterior(measured: Measured, start: Parameters, prior: Prior, iteration
     here = posterior_at(measured, start, prior)
     cost, damping, too_long = _cost(here, here), 0.0, False
     for _ in range(iterations):
-        step = here.step(damping)
+        step, length = here.step(damping)
         moved = posterior_at(measured, here.parameters.moved(step), prior)
         gained = cost - _cost(moved, here)
         if not gained >= -(cost * 1e-9 + 1e-6):
@@ -302,8 +269,7 @@ def fit_posterior(measured: Measured, start: Parameters, prior: Prior, iteration
             if damping > LARGEST_DAMPING:
                 break
             continue
-        short = float(step @ here.information @ step) < SETTLED
-        settled = (damping < 1e-3 and short) or (0 < damping < MUCH_DAMPING and gained < FLAT)
+        settled = (damping < 1e-3 and length < SETTLED) or (0 < damping < MUCH_DAMPING and gained < FLAT)
         if not too_long:  # else a step with less damping has just failed: once more with this one
             damping = damping / 10 if damping > 1e-7 else 0.0
         here, cost, too_long = moved, _cost(moved, moved), False
@@ -319,11 +285,13 @@ def _cost(fit: Posterior, reference: Posterior) -> float:
 
 def posterior_at(measured: Measured, parameters: Parameters, prior: Prior) -> Posterior:
     """Residuals, noise and weights at one place of the parameters; normal equations when they are asked for."""
-    points, turns = _seen(measured, parameters)
-    fit = without_chance(evaluate(parameters.pose, Support(points, measured.support.blocks)), measured.aside)
+    points = measured.seen(parameters.lens)
+    bows = measured.bends, np.ascontiguousarray(parameters.bows)
+    fit = evaluate(parameters.pose, Support(points, measured.support.blocks), bows)
+    fit = without_chance(fit, measured.aside)
     if measured.misfit > 0:
         fit = _with_misfit(fit, measured)
-    return Posterior(parameters, prior, points, fit, turns)
+    return Posterior(parameters, prior, points, fit, measured)
 
 
 def _with_misfit(fit: PoseFit, measured: Measured) -> PoseFit:
@@ -336,28 +304,34 @@ def _with_misfit(fit: PoseFit, measured: Measured) -> PoseFit:
     return replace(fit, epipolar_noise=noises[0], along_noise=noises[1])
 
 
-def _normal_equations(posterior: Posterior) -> tuple[FloatArray, FloatArray]:
+def _normal_equations(posterior: Posterior, lenses: bool) -> tuple[FloatArray, FloatArray]:
+    """Of all parameters; those of the lenses hold nothing but their prior where they are not asked for."""
     parameters, prior, fit = posterior.parameters, posterior.prior, posterior.fit
-    pose = parameters.pose
-    blocks = normal_blocks(pose, posterior.points, fit.weights, fit.found.both[None], posterior.turns)
+    pose, measured = parameters.pose, posterior.measured
+    bows = measured.bends, np.ascontiguousarray(parameters.bows)
+    turns = NO_TURNS
+    if lenses:
+        turns = measured.turns(parameters.lens, corrected_rays(pose, posterior.points, fit.weights, bows))
+    blocks = normal_blocks(pose, posterior.points, fit.weights, fit.found.both[None], turns, bows)
     blocks += np.tril(blocks, -1).transpose(0, 2, 1)
     planes = len(pose.planes)
     size = POSE_PARAMETERS + 3 * planes
     count = size + LENSES + BOWS * planes
     information, gradient = np.zeros((count, count)), np.zeros(count)
-    lens = range(size, size + LENSES)
+    lens = range(size, size + LENSES) if lenses else range(0)
+    extra = PARAMETERS + 1
     for k, block in enumerate(blocks):
         here: list[int] = [*range(POSE_PARAMETERS)]
         there: list[int] = [*range(POSE_PARAMETERS)]
         if k < planes:
-            here += [*range(5, 8), *range(9, 9 + LENSES + BOWS)]
+            here += [*range(5, 8), *range(extra, extra + len(lens) + BOWS)]
             bow = size + LENSES + BOWS * k
             there += [*range(5 + 3 * k, 8 + 3 * k), *lens, *range(bow, bow + BOWS)]
         else:
-            here += [*range(9, 9 + LENSES)]
+            here += [*range(extra, extra + len(lens))]
             there += [*lens]
         information[np.ix_(there, there)] += block[np.ix_(here, here)]
-        gradient[there] += block[here, 8]
+        gradient[there] += block[here, PARAMETERS]
     # A plane whose points all lost their weight stays where it is: one unit of information, relative to its n.
     held = np.arange(POSE_PARAMETERS, size)
     information[held, held] += np.repeat(1 / np.maximum((pose.planes**2).sum(axis=1), 1e-12), 3)
@@ -371,35 +345,3 @@ def _normal_equations(posterior: Posterior) -> tuple[FloatArray, FloatArray]:
         information[:POSE_PARAMETERS, :POSE_PARAMETERS] += prior.pose.precision
         gradient[:POSE_PARAMETERS] += prior.pose.precision @ prior.pose.difference(pose)
     return information, gradient
-
-
-def _seen(measured: Measured, parameters: Parameters) -> tuple[TwoViewPoints, tuple[FloatArray, FloatArray]]:
-    """The rays through changed lenses, bows taken off; and how each lens parameter and bow moves them.
-
-    A bow moves what is seen of a plane along the epipolar line; it is taken off the projector's rays.
-    """
-    points, pose = measured.support.points, parameters.pose
-    rays = [points.camera_rays.copy(), points.projector_rays.copy()]
-    sigmas = [points.camera_sigma, points.projector_sigma]
-    turns = np.empty((len(points), 2, LENS_PARAMETERS)), np.empty((len(points), 2, LENS_PARAMETERS + BOWS))
-    devices = (measured.rig.camera, measured.camera_px), (measured.rig.projector, measured.projector_px)
-    for index, (device, pixels) in enumerate(devices):
-        change = parameters.lens[index * LENS_PARAMETERS : (index + 1) * LENS_PARAMETERS]
-        moves = bool(change.any())
-        nominal = magnification(device, rays[index]) if moves else 1.0
-        kernel.turn_rays(*lens_numbers(device, change), pixels, moves, rays[index], turns[index])
-        if moves:  # the noise is one of pixels
-            sigmas[index] = sigmas[index] * nominal / magnification(changed_device(device, change), rays[index])
-    kernel.take_off_bows(
-        np.ascontiguousarray(pose.R),
-        np.ascontiguousarray(pose.t),
-        np.ascontiguousarray(pose.planes),
-        np.ascontiguousarray(parameters.bows),
-        measured.flatness,
-        measured.shapes,
-        points.plane_index,
-        rays[0],
-        rays[1],
-        turns[1],
-    )
-    return TwoViewPoints(rays[0], rays[1], sigmas[0], sigmas[1], points.plane_index), turns
