@@ -8,6 +8,8 @@ import pytest
 from retrue.geometry.five_points import best_essential, five_point_essentials, poses_of_essential, sampson_squares
 from retrue.geometry.transform import RigidTransform, rotation_from_vector, skew
 
+ALL = np.arange(5)[None]
+
 
 def essential(pose: RigidTransform) -> np.ndarray:
     E = skew(pose.t) @ pose.R
@@ -40,17 +42,28 @@ def test_every_sample_of_exact_points_finds_the_truth(plane: bool) -> None:
         pose = random_pose(rng)
         x, y = matches(pose, 5, rng, plane)
         # On a plane solutions come near to each other, and rounding moves them by more.
-        assert distance(five_point_essentials(x[None], y[None]), essential(pose)) < (1e-7 if plane else 1e-9)
+        assert distance(five_point_essentials(x, y, ALL), essential(pose)) < (1e-7 if plane else 1e-9)
 
 
-def test_samples_are_solved_together_as_each_by_itself() -> None:
+def test_every_solution_is_an_essential_matrix_that_the_matches_agree_with() -> None:
     rng = np.random.default_rng(1)
-    pairs = [matches(random_pose(rng), 5, rng) for _ in range(20)]
-    x, y = (np.stack(part) for part in zip(*pairs, strict=True))
-    together = five_point_essentials(x, y)
-    alone = np.concatenate([five_point_essentials(x[k : k + 1], y[k : k + 1]) for k in range(20)])
-    assert len(together) == len(alone)
-    assert all(distance(together, E) < 1e-6 for E in alone)
+    counts = []
+    for _ in range(50):
+        x, y = matches(random_pose(rng), 5, rng)
+        found = five_point_essentials(x, y, ALL)
+        counts.append(len(found))
+        for E in found:
+            assert np.abs(np.einsum("ni,ij,nj->n", np.c_[y, np.ones(5)], E, np.c_[x, np.ones(5)])).max() < 1e-12
+            assert np.abs(2 * E @ E.T @ E - np.trace(E @ E.T) * E).max() < 1e-6
+            assert np.linalg.norm(E) == pytest.approx(1)
+    assert max(counts) <= 10
+    assert np.mean(counts) > 3
+
+
+def test_of_a_degenerate_sample_there_is_none() -> None:
+    x, y = np.zeros((2, 5, 2))
+    assert len(five_point_essentials(x, y, ALL)) == 0
+    assert best_essential(x, y, 1e-3, np.zeros((3, 5), dtype=np.int64), np.arange(5)) is None
 
 
 def test_the_best_of_samples_is_near_the_truth_where_a_third_of_the_points_is_wrong() -> None:
