@@ -11,7 +11,7 @@ import numpy as np
 from retrue.correspondences import Correspondences
 from retrue.errors import DegenerateError, InputError
 from retrue.geometry.arrays import BoolArray, FloatArray, IntArray, finite_array
-from retrue.geometry.robust import CUTOFF
+from retrue.geometry.robust import CUTOFF, biweight_level
 from retrue.geometry.transform import direction_angle, rotation_angle
 from retrue.geometry.two_view import POSE_PARAMETERS, TwoViewPoints, TwoViewPose
 from retrue.recalibration.bows import bow_shapes, measured_scale
@@ -32,7 +32,7 @@ from retrue.recalibration.options import RecalibrateOptions
 from retrue.recalibration.parts import (
     Part,
     differing_capture,
-    homography_levels,
+    homography_residuals,
     other_part,
     parts_apart,
     set_aside,
@@ -123,8 +123,7 @@ def judge(rig: Rig, captures: Sequence[Correspondences], options: RecalibrateOpt
     starts = [Parameters.of(fit.pose) for fit in _foremost(fits, few.points)]
     light, neighbours = light_of(rig, captures, few), nearest_points(few)
     while True:
-        measured = _measured(rig, captures, few, neighbours, options.flatness_sigma)
-        measured = replace(measured, plane_levels=homography_levels(few.points, homographies))
+        measured = _measured(rig, captures, few, homographies, neighbours, options.flatness_sigma)
         posteriors = [fit_posterior(measured, start, prior, 6) for start in starts]
         best, rivals = ranked(posteriors, measured, few, light, old, None, rng)
         part = other_part(best, unexplained(best), rng)
@@ -145,8 +144,8 @@ def judge(rig: Rig, captures: Sequence[Correspondences], options: RecalibrateOpt
     elif lens.verdict == "checked":
         prior = Prior(effective_prior(prior.lens, lens))
     nobody = np.empty((len(rays), 0), dtype=np.int64)
-    whole = _measured(rig, captures, rays, nobody, options.flatness_sigma)
-    for other in parts_apart(posterior_at(whole, start, prior), part, measured.plane_levels):
+    whole = _measured(rig, captures, rays, homographies, nobody, options.flatness_sigma)
+    for other in parts_apart(posterior_at(whole, start, prior), part, whole.homography_residuals):
         whole = set_aside(whole, other)
     answer = fit_posterior(whole, start, prior, 3)
     scale = measured_scale(answer.parameters.bows.ravel(), answer.bow_information)
@@ -154,7 +153,7 @@ def judge(rig: Rig, captures: Sequence[Correspondences], options: RecalibrateOpt
     answer = fit_posterior(whole, replace(answer.parameters, bows=answer.parameters.bows / scale), prior, 3)
     outside = unexplained(answer)
     others = [
-        *parts_apart(answer, part, measured.plane_levels),
+        *parts_apart(answer, part, whole.homography_residuals),
         shifted_copy(answer, outside),
         None if part else other_part(answer, outside, rng),
     ]
@@ -171,13 +170,14 @@ def _apart(posteriors: list[Posterior], best: Posterior, part: Part | None, meas
     together.
     """
     points = measured.support.points
-    starts = [(fit.parameters, parts_apart(fit, part, measured.plane_levels)) for fit in posteriors]
-    quiet = LOUD * min(measured.plane_levels, default=np.inf)
+    starts = [(fit.parameters, parts_apart(fit, part, measured.homography_residuals)) for fit in posteriors]
+    planes = [measured.homography_residuals[points.plane_index == k] for k in range(len(best.pose.planes))]
+    quiet = LOUD * min((biweight_level(missed.ravel()) for missed in planes), default=np.inf)
     if not max(best.fit.epipolar_noise.level, best.fit.along_noise.level) < quiet:
         homographies = [best.pose.R + best.pose.t[:, None] * n for n in best.pose.planes]
         for plane, twin in twins_of_planes(points, homographies):
             elsewhere = points.plane_index != plane
-            starts.append((Parameters.of(twin), [Part("elsewhere", elsewhere, 8, 2, 0.0)]))
+            starts.append((Parameters.of(twin), [Part("elsewhere", elsewhere, 8, np.empty((0, 2)), 0.0)]))
     found: list[Posterior] = []
     for start, others in starts:
         if others:
@@ -288,6 +288,7 @@ def _measured(
     rig: Rig,
     captures: Sequence[Correspondences],
     rays: Rays,
+    homographies: list[FloatArray],
     neighbours: IntArray,
     flatness: float,
 ) -> Measured:
@@ -295,7 +296,9 @@ def _measured(
     for index, capture in enumerate(captures):
         mine = rays.capture == index
         camera_px[mine], projector_px[mine] = capture.camera_px[rays.row[mine]], capture.projector_px[rays.row[mine]]
-    return Measured(rig, camera_px, projector_px, Support.of(rays), bow_shapes(rays.points), flatness, neighbours)
+    missed = homography_residuals(rays.points, homographies)
+    shapes = bow_shapes(rays.points)
+    return Measured(rig, camera_px, projector_px, Support.of(rays), shapes, flatness, neighbours, 0.0, missed)
 
 
 def _foremost(fits: list[PoseFit], points: TwoViewPoints) -> list[PoseFit]:

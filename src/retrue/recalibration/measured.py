@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -28,7 +28,7 @@ class Measured:
     flatness : RMS bow of planes, relative to their distance.
     neighbours : (N, 4) rows of the nearest points in the picture; (N, 0) where nobody asks.
     misfit : px, what no lens model explains of a real lens, and a part of the picture shares; part of the noise.
-    plane_levels : (P,) noise that each plane's own homography leaves.
+    homography_residuals : (N, 2) that each plane's homography leaves by itself.
     aside : (N,) rows that belong to another pose and leave no residual.
     """
 
@@ -40,7 +40,7 @@ class Measured:
     flatness: float
     neighbours: IntArray
     misfit: float = 0.0
-    plane_levels: tuple[float, ...] = ()
+    homography_residuals: FloatArray = field(default_factory=lambda: np.empty((0, 2)))
     aside: BoolArray | None = None
 
     def __len__(self) -> int:
@@ -82,6 +82,9 @@ class Measured:
             support=Support(self.support.points.select(rows), np.ascontiguousarray(self.support.blocks[:, rows])),
             shapes=self.shapes[rows],
             neighbours=np.empty((0, 0), dtype=np.int64),
+            homography_residuals=self.homography_residuals[rows]
+            if len(self.homography_residuals)
+            else self.homography_residuals,
             aside=None if self.aside is None else self.aside[rows],
         )
 

@@ -32,15 +32,15 @@ class Part:
     ----------
     rows : (N,) which.
     parameters : how many free ones it has.
-    residuals : how many of each point it explains: that across the epipolar line, or both.
-    level : noise that it leaves.
+    missed : (rows, 1 or 2) residuals that it leaves, across the epipolar line or both, in the points' own sigma.
+    level : their noise.
     essential, reach : its essential matrix (3, 3), where it has one, and how far from it points agree.
     """
 
     name: str
     rows: BoolArray
     parameters: int
-    residuals: int
+    missed: FloatArray
     level: float
     essential: FloatArray | None = None
     reach: float = 0.0
@@ -59,28 +59,29 @@ def unexplained(posterior: Posterior) -> BoolArray:
     return wrong | behind(posterior.pose, posterior.points, level)
 
 
-def homography_levels(points: TwoViewPoints, homographies: Sequence[FloatArray]) -> tuple[float, ...]:
-    """(P,) noise that the homography of each plane leaves by itself, as a multiple of the points' own sigma."""
-    levels: list[float] = []
+def homography_residuals(points: TwoViewPoints, homographies: Sequence[FloatArray]) -> FloatArray:
+    """(N, 2) what the homography of each point's plane leaves by itself, in the point's own sigma; NaN on none."""
+    missed = np.full((len(points), 2), np.nan)
     for index, H in enumerate(homographies):
-        mine = points.select(points.plane_index == index)
-        x = np.column_stack([mine.camera_rays, np.ones(len(mine))]) @ H.T
+        mine = points.plane_index == index
+        x = np.column_stack([points.camera_rays[mine], np.ones(np.count_nonzero(mine))]) @ H.T
         magnified = np.sqrt(np.abs(np.linalg.det(H) / x[:, 2] ** 3))
-        sigma = np.hypot(mine.camera_sigma * magnified, mine.projector_sigma)
-        missed = (mine.projector_rays - x[:, :2] / x[:, 2:]) / sigma[:, None]
-        levels.append(biweight_level(missed.ravel(), 2 * len(mine) / max(2 * len(mine) - 8, 1)))
-    return tuple(levels)
+        sigma = np.hypot(points.camera_sigma[mine] * magnified, points.projector_sigma[mine])
+        missed[mine] = (points.projector_rays[mine] - x[:, :2] / x[:, 2:]) / sigma[:, None]
+    return missed
 
 
-def planes_apart(posterior: Posterior, outside: BoolArray, levels: Sequence[float]) -> list[Part]:
-    """Planes that the pose does not explain: each still has its homography, with what noise that leaves."""
+def planes_apart(posterior: Posterior, outside: BoolArray, missed: FloatArray) -> list[Part]:
+    """Planes that the pose does not explain: each still has its homography, and what that misses its points by."""
     plane = posterior.points.plane_index
     found: list[Part] = []
     for index in range(len(posterior.pose.planes)):
         members = plane == index
         rows = members & (outside | ~(posterior.fit.robust_weights[1] > 0))
         if np.count_nonzero(rows) > max(FEWEST_OF_A_PART, (1 - MOST_OF_A_PLANE) * np.count_nonzero(members)):
-            found.append(Part("a plane of its own", members, 8, 2, levels[index]))
+            found.append(
+                Part("a plane of its own", members, 8, missed[members], biweight_level(missed[members].ravel()))
+            )
     return found
 
 
@@ -97,7 +98,7 @@ def shifted_copy(posterior: Posterior, outside: BoolArray) -> Part | None:
     noise = _noise(points, np.hypot(posterior.fit.along_noise.level, posterior.fit.along_noise.shared)) * 4
     x = np.column_stack([points.camera_rays[rows], np.ones(len(rows))])
     y = np.column_stack([points.projector_rays[rows], np.ones(len(rows))])
-    best: BoolArray | None = None
+    best, shifted = None, np.empty((0, 2))
     for n in pose.planes:
         H = pose.R + np.outer(pose.t, n)
         with np.errstate(all="ignore"):
@@ -107,12 +108,13 @@ def shifted_copy(posterior: Posterior, outside: BoolArray) -> Part | None:
             near = np.abs(shift[:, None] - shift[None, :: max(1, len(rows) // CENTRES)]).max(axis=2) < noise
             mode = near[:, int(np.argmax(near.sum(axis=0)))]
             if np.count_nonzero(mode) >= fewest and (best is None or np.count_nonzero(mode) > np.count_nonzero(best)):
-                best = mode
+                best, shifted = mode, shift[mode]
     if best is None:
         return None
     copy = np.zeros(len(outside), dtype=np.bool_)
     copy[rows[best]] = True
-    return Part("a shifted copy", copy, 2, 2, max(posterior.fit.epipolar_noise.level, posterior.fit.along_noise.level))
+    missed = (shifted - np.median(shifted, axis=0)) / _sigma(points.select(copy))[:, None]
+    return Part("a shifted copy", copy, 2, missed, biweight_level(missed.ravel()))
 
 
 def other_part(posterior: Posterior, outside: BoolArray, rng: np.random.Generator) -> Part | None:
@@ -140,8 +142,11 @@ def part_of_essential(posterior: Posterior, outside: BoolArray, E: FloatArray, r
     """The points that agree with E (3, 3) to within `reach`, and do not lie on a plane that the pose explains."""
     points = posterior.points
     loose = outside | (points.plane_index == FREE) | ~(posterior.fit.robust_weights[1] > 0)
-    agree = sampson_squares(E, points.camera_rays, points.projector_rays) < reach**2
-    return Part("another pose", loose & agree, POSE_PARAMETERS, 1, posterior.fit.epipolar_noise.level, E, reach)
+    squares = sampson_squares(E, points.camera_rays, points.projector_rays)
+    rows = loose & (squares < reach**2)
+    missed = np.sqrt(squares[rows, None]) / _sigma(points.select(rows))[:, None]
+    level = max(posterior.fit.epipolar_noise.level, biweight_level(missed.ravel()))
+    return Part("another pose", rows, POSE_PARAMETERS, missed, level, E, reach)
 
 
 def set_aside(measured: Measured, part: Part) -> Measured:
@@ -149,10 +154,10 @@ def set_aside(measured: Measured, part: Part) -> Measured:
     return replace(measured, aside=part.rows if measured.aside is None else part.rows | measured.aside)
 
 
-def parts_apart(posterior: Posterior, part: Part | None, levels: Sequence[float]) -> list[Part]:
+def parts_apart(posterior: Posterior, part: Part | None, missed: FloatArray) -> list[Part]:
     """What the pose does not explain, though it has an explanation: planes, and those of `part` among all points."""
     outside = unexplained(posterior)
-    found = planes_apart(posterior, outside, levels)
+    found = planes_apart(posterior, outside, missed)
     if part is not None and part.essential is not None:
         found.append(part_of_essential(posterior, outside, part.essential, part.reach))
     return found
@@ -178,6 +183,10 @@ def differing_capture(measured: Measured, rays: Rays, answer: Posterior) -> tupl
     return furthest
 
 
+def _sigma(points: TwoViewPoints) -> FloatArray:
+    """(N,) of each match, in the unit of the rays."""
+    return np.hypot(points.camera_sigma, points.projector_sigma)
+
+
 def _noise(points: TwoViewPoints, level: float) -> float:
-    """Of a match, in the unit of the rays."""
-    return float(np.median(np.hypot(points.camera_sigma, points.projector_sigma))) * float(level)
+    return float(np.median(_sigma(points))) * float(level)

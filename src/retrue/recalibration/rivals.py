@@ -27,6 +27,7 @@ NEAREST_DEG = 1.0  # a move below this is none: nearer to the old pose says no m
 LIGHT_TRUST = 0.25  # of the light's own likelihood: paint and gloss are not what it models
 PARAMETER = 12.0  # of chi-square, what a free parameter costs: its range is some 400 times what the points leave
 FEWEST_OF_A_PLANE = 12
+SELDOM = 1.7  # of chi-square, 2 log(.7 / .3): a point of a copy, a mirror, or what moved, is the rarer one
 ROUGH = 0.3  # of chi-square: what bows and lenses that no model holds make of a point on a plane
 WITHIN = 5.0  # sigma of the best
 APART = 10.0  # times the noise: nearer to the line where two planes meet, either may claim a point
@@ -115,12 +116,12 @@ def explained_costs(
     price, parts = posterior.prior_cost + 3 * PARAMETER * int(np.count_nonzero(counts >= FEWEST_OF_A_PLANE)), 0.0
     outside = unexplained(posterior)
     copy = shifted_copy(posterior, outside)
-    others = planes_apart(posterior, outside, measured.plane_levels)
+    others = planes_apart(posterior, outside, measured.homography_residuals)
     for other in [*others, *(one for one in (copy, part) if one is not None)]:
-        levels = [floor.across.level, floor.along.level][: other.residuals]
-        explained = sum(1 + 2 * max(float(np.log(other.level / level)), 0.0) for level in levels)
-        if other.residuals == 1:
-            explained += np.where(plane[other.rows] != FREE, UNEXPLAINED, 0.0)
+        explained = SELDOM + np.where((plane[other.rows] != FREE) & (other.missed.shape[1] == 1), UNEXPLAINED, 0.0)
+        for missed, least in zip(other.missed.T, (floor.across.level, floor.along.level), strict=False):
+            wider = 2 * max(float(np.log(other.level / least)), 0.0)
+            explained = explained + np.minimum(biweight_loss(missed / other.level) + wider, UNEXPLAINED)
         gained = np.maximum(found[other.rows] - explained, 0.0)
         if float(gained.sum()) > other.parameters * PARAMETER:
             found[other.rows] -= gained
