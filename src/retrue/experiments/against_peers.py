@@ -169,8 +169,9 @@ def _whole_job(rig: Rig, points: Correspondences) -> tuple[list[Pose], FloatArra
     result = recalibrate(rig, [points])
     if not isinstance(result, Accepted):
         return [], None
-    pose = result.rig.projector_from_camera
-    return [(pose.R, pose.t)], np.array(result.evidence.details["covariance"])
+    # What the points say by themselves: a rig that still holds is kept, and this one is the truth, its lenses too.
+    pose = next(one for one in result.evidence.candidates if one.chosen).projector_from_camera
+    return [(pose.R, pose.t)], np.array(result.evidence.details["covariance_statistical"])
 
 
 def _error(pose: Pose, R: FloatArray, t: FloatArray) -> FloatArray:
