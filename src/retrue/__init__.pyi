@@ -1,5 +1,6 @@
 """The public names: each line is a name and its home, and nothing else, for `__init__.py` reads them here."""
 
+from retrue.answers import Reason as Reason
 from retrue.cad.make_cad import make_cad as make_cad
 from retrue.cad.model import CadModel as CadModel
 from retrue.cad.options import CadOptions as CadOptions
@@ -56,7 +57,6 @@ from retrue.patterns.gray_code import GrayCode as GrayCode
 from retrue.recalibration.options import KnownDistance as KnownDistance
 from retrue.recalibration.options import RecalibrateOptions as RecalibrateOptions
 from retrue.recalibration.options import VerifyOptions as VerifyOptions
-from retrue.recalibration.reasons import Reason as Reason
 from retrue.recalibration.recalibrate import recalibrate as recalibrate
 from retrue.recalibration.result import Accepted as Accepted
 from retrue.recalibration.result import Evidence as Evidence

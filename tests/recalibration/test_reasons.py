@@ -9,12 +9,13 @@ from typing import Any
 import numpy as np
 import pytest
 
-from retrue.correspondences import Correspondences
+from retrue.correspondences import Card, Correspondences
 from retrue.geometry.transform import RigidTransform
 from retrue.recalibration import reasons
-from retrue.recalibration.options import RecalibrateOptions
+from retrue.recalibration.options import RecalibrateOptions, VerifyOptions
 from retrue.recalibration.recalibrate import recalibrate
 from retrue.recalibration.result import Accepted, Refused, unattended
+from retrue.recalibration.verify import verify
 from retrue.rig import Rig
 from tests.recalibration.scenes import CAMERA, POSE, PROJECTOR, RIG, SIDE_WALL, SPHERE, WALL, Scene, bumped, capture
 
@@ -96,6 +97,7 @@ CASES: dict[Callable[[], Case], type[reasons.Reason]] = {
     refocused: reasons.LensChanged,
 }
 UNATTENDED = reasons.LensUnchecked
+OF_VERIFY = (reasons.PoseDrifted, reasons.PoseContradicted, reasons.RaysMiss)
 ADVICE = {
     reasons.TooFewPoints: "light more of the scene",
     reasons.PointsNotSpread: "must be spread out",
@@ -141,4 +143,26 @@ def test_no_reason_is_without_a_case() -> None:
     assert {kind for kind in types if issubclass(kind, reasons.Reason)} - {reasons.Reason} == {
         *CASES.values(),
         UNATTENDED,
+        *OF_VERIFY,
     }
+
+
+def test_the_decoder_says_why_there_are_few_points() -> None:
+    card = Card("blocks", 900, 3, {}, 0.4, ("not a colour picture",))
+    few = replace(capture(Scene()).select(np.array([0, 100, 500])), card=card)
+    for answer in (recalibrate(RIG, [few]), verify(RIG, [few])):
+        assert isinstance(answer.cause, reasons.TooFewPoints)
+        assert answer.reason.endswith("found 3; not a colour picture")
+
+
+def test_what_contradicts_a_rig_forbids_to_measure_with_it() -> None:
+    moved = verify(bumped(RIG, [0, 1, 0], [0, 0, 0]), [capture(CORNER)])
+    hardly = verify(bumped(RIG, [0, 1, 0], [0, 0, 0]), [capture(CORNER)], VerifyOptions(improvable=0.5))
+    lost = verify(RIG, mostly_wrong()[1])
+    few = verify(RIG, few_points()[1])
+    assert [type(answer.cause) for answer in (moved, hardly)] == [reasons.PoseDrifted] * 2
+    assert (moved.band, hardly.band) == ("recalibrate", "improvable")
+    assert [answer.forbids_measuring for answer in (moved, hardly, lost, few)] == [True, False, True, False]
+    contradicted = str(reasons.PoseContradicted(9.5, reasons.Imprecise(1.0, 2.0, 0.05, 0.03)))
+    assert contradicted.startswith("the points contradict the rig's pose by 9.5 sigma, though the points know")
+    assert "no correspondences agree" in str(reasons.PointsDisagree(0.0, 0.35, 2.1, 2.0))

@@ -18,6 +18,7 @@ from retrue.cli.command import (
     ReportingCommand,
     RigPath,
     require_writable,
+    with_advice,
 )
 from retrue.errors import InputError
 from retrue.recalibration.options import RecalibrateOptions
@@ -75,15 +76,16 @@ class Recalibrate(ReportingCommand):
         report = recalibration_report(result, seconds)
         page = None if self.report is None else (self.report, self._page(rig, captures, result))
         if not isinstance(result, Accepted):
-            return Outcome(report, f"{_described(result, rig.unit)}\nnothing was written", REFUSED_OR_DRIFTED, page)
+            refused = Outcome(report, f"{_described(result, rig.unit)}\nnothing was written", REFUSED_OR_DRIFTED, page)
+            return with_advice(refused, captures)
         if result.unchanged and self.in_place:
             kept = f"{self.rig}: nothing was written, the rig in it still holds"
-            return Outcome(
-                report | {"out": None, "history_id": None}, f"{_described(result, rig.unit)}\n{kept}", DONE, page
-            )
+            report |= {"out": None, "history_id": None}
+            return with_advice(Outcome(report, f"{_described(result, rig.unit)}\n{kept}", DONE, page), captures)
         written = self._write(result)
         same = ", the same rig" if result.unchanged else ""
-        return Outcome(report | written, f"{_described(result, rig.unit)}\n{written['out']}: written{same}", DONE, page)
+        text = f"{_described(result, rig.unit)}\n{written['out']}: written{same}"
+        return with_advice(Outcome(report | written, text, DONE, page), captures)
 
     def _page(self, rig: Rig, captures: list[Capture], result: Accepted | Refused) -> Page:
         from retrue.report.recalibration_page import recalibration_page

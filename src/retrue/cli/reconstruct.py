@@ -19,6 +19,7 @@ from retrue.cli.command import (
     ReportingCommand,
     RigPath,
     require_writable,
+    with_advice,
 )
 from retrue.reconstruction.options import ReconstructOptions
 
@@ -37,7 +38,8 @@ MOST_PATCHES_SHOWN = 12
 class Reconstruct(ReportingCommand):
     """Turn one capture into a coloured cloud of points, a mesh that stops at depth jumps, and surfaces for CAD.
 
-    Nothing is written where the capture contradicts the rig by more than `retrue verify` calls improvable.
+    Nothing is written where the capture contradicts the rig by more than `retrue verify` calls improvable, or no pose
+    explains it.
 
     Attributes
     ----------
@@ -78,8 +80,12 @@ class Reconstruct(ReportingCommand):
     cad_limits: OmitArgPrefixes[CadOptions] = field(default_factory=CadOptions)
 
     def run(self) -> Outcome:
+        from retrue.answers import answer_report
         from retrue.cad.make_cad import make_cad
         from retrue.files.rigs import read_rig
+        from retrue.recalibration.options import RecalibrateOptions
+        from retrue.recalibration.reasons import RaysMiss
+        from retrue.recalibration.result import refuted
         from retrue.recalibration.verify import verify
         from retrue.reconstruction.mesh import make_mesh
         from retrue.reconstruction.reconstruct import reconstruct
@@ -90,16 +96,21 @@ class Reconstruct(ReportingCommand):
         self._require_formats(rig.unit)
         start = time.perf_counter()
         verification = verify(rig, [capture.points])
-        if verification.band == "recalibrate" and not self.anyway:
+        if verification.forbids_measuring and not self.anyway:
             return self._contradicted(rig, capture, verification, time.perf_counter() - start)
-        cloud = self._finished(reconstruct(rig, capture.points, self.limits))
+        cloud = reconstruct(rig, capture.points, self.limits)
+        missed, most = cloud.card["epipolar_rms_px"], RecalibrateOptions().max_noise_px
+        if not (missed <= most or self.anyway):
+            verification = refuted(verification, RaysMiss(missed, most))
+            return self._contradicted(rig, capture, verification, time.perf_counter() - start)
+        cloud = self._finished(cloud)
         mesh = None if self.mesh is None else make_mesh(cloud)
         model = None if self.cad is None else make_cad(cloud, self.cad_limits)
         seconds = time.perf_counter() - start
         self._write(cloud, mesh, model)
-        report = {"verdict": verification.verdict} | _cloud_report(cloud) | {"out": str(self.out)}
+        report = answer_report(verification) | _cloud_report(cloud) | {"out": str(self.out)}
         text = _cloud_text(self.out, report)
-        if verification.verdict == "drifted":
+        if verification.verdict == "drifted" or verification.forbids_measuring:
             text += f"\n  against the capture: {verification.reason}"
         if mesh is not None:
             report |= {"mesh": str(self.mesh), "faces": len(mesh.faces)}
@@ -108,20 +119,20 @@ class Reconstruct(ReportingCommand):
             report |= {"cad": str(self.cad), "patches": _patches_report(model), "points_on_no_patch": model.left_out}
             text += f"\n{self.cad}: {_patches_text(model)}"
         page = None if self.report is None else (self.report, self._page(rig, capture, cloud, mesh))
-        return Outcome(report | {"seconds": seconds}, text, DONE, page)
+        return with_advice(Outcome(report | {"seconds": seconds}, text, DONE, page), [capture])
 
     def _contradicted(self, rig: Rig, capture: Capture, verification: Verification, seconds: float) -> Outcome:
         """No cloud: it would be one of a rig that is no more."""
         from retrue.cli.json_output import verification_report
 
         report = verification_report(verification, seconds) | {"out": None}
-        text = f"drifted: nothing was written (--anyway does): {verification.reason}"
+        text = f"refused: nothing was written (--anyway does): {verification.reason}"
         page = None
         if self.report is not None:
             from retrue.report.verification_page import verification_page
 
             page = (self.report, verification_page(rig, [capture], verification))
-        return Outcome(report, text, REFUSED_OR_DRIFTED, page)
+        return with_advice(Outcome(report, text, REFUSED_OR_DRIFTED, page), [capture])
 
     def _page(self, rig: Rig, capture: Capture, cloud: Cloud, mesh: Mesh | None) -> Page:
         from retrue.report.reconstruction_page import reconstruction_page

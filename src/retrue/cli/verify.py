@@ -16,6 +16,7 @@ from retrue.cli.command import (
     ReportingCommand,
     RigPath,
     require_writable,
+    with_advice,
 )
 from retrue.recalibration.options import VerifyOptions
 
@@ -58,4 +59,5 @@ class Verify(ReportingCommand):
             from retrue.report.verification_page import verification_page
 
             page = (self.report, verification_page(rig, captures, verification))
-        return Outcome(report, text, DONE if verification.verdict == "good" else REFUSED_OR_DRIFTED, page)
+        status = DONE if verification.verdict == "good" else REFUSED_OR_DRIFTED
+        return with_advice(Outcome(report, text, status, page), captures)

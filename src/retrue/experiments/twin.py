@@ -128,7 +128,8 @@ def _trial(cell: Cell, rng: np.random.Generator) -> FloatArray:
     old = Rig(rig.camera, rig.projector, RigidTransform(truth.R, old_t))
     result = recalibrate(old, [capture])
     accepted = isinstance(result, Accepted)
-    wrong = isinstance(result, Accepted) and _nearer_to(other, truth, result.rig.projector_from_camera)
+    pose = result.evidence.pose
+    wrong = accepted and pose is not None and _nearer_to(other, truth, pose)
     undecided = isinstance(result, Refused) and isinstance(result.cause, RivalUnbeaten)
     return np.array([accepted, wrong, undecided, not (accepted or undecided), both, prior_wrong], dtype=np.float64)
 

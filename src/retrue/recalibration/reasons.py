@@ -1,23 +1,19 @@
 """Why an answer was refused: a type for each reason, with the figures that it rests on.
 
-`str(reason)` is one sentence for the user, and says what to do; the type is for programs.
+The cause of an answer (`answers.py`) that was not hoped for.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 
+from retrue.answers import Reason
+from retrue.correspondences import Correspondences
 from retrue.errors import DegenerateError
+from retrue.shown import figures
 
-
-@dataclass(frozen=True, slots=True)
-class Reason:
-    """Root of all reasons."""
-
-    @property
-    def name(self) -> str:
-        """The type's name, as files and JSON give it."""
-        return type(self).__name__
+SMALLEST_SHARE = 0.01  # below, there is none to speak of
 
 
 class Undecidable(DegenerateError):
@@ -28,20 +24,25 @@ class Undecidable(DegenerateError):
         super().__init__(str(reason))
 
 
-def reason_of(error: DegenerateError) -> Reason:
-    """The reason that an error stands for."""
-    return error.reason if isinstance(error, Undecidable) else PoseUndetermined(str(error))
+def reason_of(error: DegenerateError, captures: Sequence[Correspondences]) -> Reason:
+    """The reason that an error stands for; what decoders said of the captures explains why there are few points."""
+    reason = error.reason if isinstance(error, Undecidable) else PoseUndetermined(str(error))
+    said = [line for capture in captures if capture.card is not None for line in capture.card.advice]
+    if isinstance(reason, TooFewPoints) and said:
+        return replace(reason, advice="; ".join(dict.fromkeys(said)))
+    return reason
 
 
 @dataclass(frozen=True, slots=True)
 class TooFewPoints(Reason):
-    """Hardly anything was decoded."""
+    """Hardly anything was decoded; the advice is the decoder's own where it has some."""
 
     found: int
     needed: int
+    advice: str = "light more of the scene"
 
     def __str__(self) -> str:
-        return f"expected at least {self.needed} correspondences, found {self.found}; light more of the scene"
+        return f"expected at least {self.needed} correspondences, found {self.found}; {self.advice}"
 
 
 @dataclass(frozen=True, slots=True)
@@ -76,10 +77,12 @@ class PointsDisagree(Reason):
     max_noise_px: float
 
     def __str__(self) -> str:
+        found = f"{self.share:.0%} of the correspondences agree with one pose, to {self.noise_px:.2g} px"
+        if not self.share >= SMALLEST_SHARE:
+            found = "no correspondences agree with one pose"
         return (
-            f"{self.share:.0%} of the correspondences agree with one pose, to {self.noise_px:.2g} px; expected"
-            f" {self.needed_share:.0%} or more, to {self.max_noise_px:g} px: was something moving, have the intrinsics"
-            " changed, or is it another rig's picture?"
+            f"{found}; expected {self.needed_share:.0%} or more, to {self.max_noise_px:g} px: was something moving,"
+            " have the intrinsics changed, or is it another rig's picture?"
         )
 
 
@@ -170,3 +173,60 @@ class LensUnchecked(Reason):
             "the points cannot check the lenses, and a rig is only written over on your word that nobody touched"
             " them; give it with --lens fixed, or show objects at several depths"
         )
+
+
+@dataclass(frozen=True, slots=True)
+class PoseDrifted(Reason):
+    """The captures support another pose than the rig's; how far away, and what that moves points by."""
+
+    rotation_deg: float
+    translation_deg: float
+    displacement: float | None
+    distance: float | None
+    unit: str
+    deviations: float
+    improvable: bool
+
+    def __str__(self) -> str:
+        moved = drift_text(self.rotation_deg, self.translation_deg, self.displacement, self.distance, self.unit)
+        advice = "recalibrate where so little matters" if self.improvable else "recalibrate"
+        return f"the capture supports another pose: {moved}, {self.deviations:.1f} sigma; {advice}"
+
+
+@dataclass(frozen=True, slots=True)
+class PoseContradicted(Reason):
+    """The points contradict the rig's pose, though they do not tell which other one is right, and `doubt` says why."""
+
+    deviations: float
+    doubt: Reason
+
+    def __str__(self) -> str:
+        return f"the points contradict the rig's pose by {self.deviations:.1f} sigma, though {self.doubt}"
+
+
+@dataclass(frozen=True, slots=True)
+class RaysMiss(Reason):
+    """The two rays of a point miss each other under this rig; RMS of the points that agree best."""
+
+    rms_px: float
+    max_noise_px: float
+
+    def __str__(self) -> str:
+        return (
+            f"the rays of the points miss each other by {figures(self.rms_px, 2)} px under this rig; expected"
+            f" {self.max_noise_px:g} px or less: is it the capture's rig, and does it hold? ask retrue verify"
+        )
+
+
+TOO_LITTLE = (TooFewPoints, PointsNotSpread, PoseUndetermined, Imprecise, RivalUnbeaten)
+"""Causes that say how little the points tell, and nothing against a rig."""
+
+
+def drift_text(
+    rotation_deg: float, translation_deg: float, displacement: float | None, distance: float | None, unit: str
+) -> str:
+    """From the rig's pose to the supported one."""
+    moved = f"{rotation_deg:.3f} deg in rotation, {translation_deg:.3f} deg in the direction of t"
+    if displacement is not None and distance is not None:
+        moved += f", {round(displacement, 9):.4g} {unit} for points at {distance:.4g} {unit}"
+    return moved

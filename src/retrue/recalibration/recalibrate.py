@@ -9,8 +9,7 @@ import numpy as np
 
 from retrue.correspondences import Correspondences, require_captures
 from retrue.errors import DegenerateError, require_kind
-from retrue.geometry.transform import RigidTransform
-from retrue.rasters import check_captures
+from retrue.rasters import check_captures, picture_mirrored
 from retrue.recalibration.judge import Judgement, holds, judge, objection
 from retrue.recalibration.lens import LENS_PARAMETERS, changed_device
 from retrue.recalibration.options import RecalibrateOptions
@@ -65,18 +64,19 @@ def recalibrate(
     options = options or RecalibrateOptions()
     require_kind(options, RecalibrateOptions, "options")
     total = sum(len(capture) for capture in captures)
+    if (mirrored := picture_mirrored(captures)) is not None:
+        return Refused(mirrored, Evidence(total))
     try:
         judgement = judge(rig, captures, options)
     except DegenerateError as error:
-        return Refused(reason_of(error), Evidence(total))
+        return Refused(reason_of(error, captures), Evidence(total))
     evidence = _evidence(rig, judgement, total, options)
     cause = objection(judgement, evidence.sigma, evidence.working_distance, options)
     if cause is not None:
         return Refused(cause, evidence)
     if judgement.lens.verdict != "changed" and holds(rig, judgement, evidence, options):
         return Accepted(rig, "the rig still holds, and its pose is known better", evidence, unchanged=True)
-    chosen = next(one for one in evidence.candidates if one.chosen).projector_from_camera
-    return Accepted(_new_rig(rig, judgement, chosen, evidence), f"resolved by {evidence.resolved_by}", evidence)
+    return Accepted(_new_rig(rig, judgement, evidence), f"resolved by {evidence.resolved_by}", evidence)
 
 
 def _evidence(rig: Rig, judgement: Judgement, total: int, options: RecalibrateOptions) -> Evidence:
@@ -124,7 +124,7 @@ def _angles(known: PoseSigma) -> dict[str, float]:
     return {"rotation_deg": known.rotation_deg, "translation_deg": known.translation_deg}
 
 
-def _new_rig(rig: Rig, judgement: Judgement, pose: RigidTransform, evidence: Evidence) -> Rig:
+def _new_rig(rig: Rig, judgement: Judgement, evidence: Evidence) -> Rig:
     lenses = {key: rig.evidence[key] for key in ("lens_covariance",) if key in rig.evidence}
     if judgement.lens.verdict == "changed":
         lenses = {"lens_covariance": judgement.answer.lens_covariance.tolist()}
@@ -136,7 +136,7 @@ def _new_rig(rig: Rig, judgement: Judgement, pose: RigidTransform, evidence: Evi
         )
     return replace(
         rig,
-        projector_from_camera=pose,
+        projector_from_camera=evidence.pose or rig.projector_from_camera,
         evidence={
             "method": "recalibrated by retrue",
             "correspondences": evidence.correspondences,

@@ -4,17 +4,19 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
+from types import NoneType
 from typing import Any, Literal
 
 import numpy as np
 
+from retrue.answers import Reason
 from retrue.geometry.arrays import BoolArray, FloatArray
 from retrue.geometry.plane import Plane
 from retrue.geometry.transform import RigidTransform
 from retrue.geometry.two_view import FREE, TwoViewPoints, TwoViewPose
 from retrue.recalibration.fit import PoseFit
 from retrue.recalibration.options import LensWord
-from retrue.recalibration.reasons import LensUnchecked, Reason
+from retrue.recalibration.reasons import TOO_LITTLE, LensUnchecked, PoseDrifted
 from retrue.recalibration.scale import inverse_depths
 from retrue.recalibration.summary import change_text, evidence_rows, verification_rows
 from retrue.rig import Rig
@@ -166,6 +168,11 @@ class Evidence(ByValue, ShortRepr):
     details: Mapping[str, Any] = field(default_factory=dict[str, Any])
 
     @property
+    def pose(self) -> RigidTransform | None:
+        """projector_from_camera that the captures support by themselves, also where the rig's own is kept."""
+        return next((one.projector_from_camera for one in self.candidates if one.chosen), None)
+
+    @property
     def lens(self) -> Literal["checked", "unchecked", "changed"] | None:
         """What the points say of the lenses, in one word."""
         return None if self.lenses is None else self.lenses.verdict
@@ -187,6 +194,10 @@ class Accepted(ByValue, ShortRepr, HasReport):
     def verdict(self) -> Literal["accepted", "unchanged"]:
         """In one word."""
         return "unchanged" if self.unchanged else "accepted"
+
+    @property
+    def cause(self) -> None:
+        """Nothing speaks against it."""
 
     def _shown(self) -> Shown:
         return self.reason, evidence_rows(self.evidence, self.rig.unit)
@@ -224,7 +235,7 @@ class Verification(ByValue, ShortRepr, HasReport):
     drift : from the rig to the pose that the capture itself supports; None when unknown.
     sigma : of that drift, the rig's own uncertainty included.
     working_distance : median depth of the points, in the rig's unit.
-    cause : why the answer is "unknown"; None where it is not.
+    cause : why the answer is not "good"; None where it is.
     supported_pose : projector_from_camera that the capture itself supports, with the rig's |t|; None as `drift`.
     band : the verdict for people: a rig that drifted is "improvable" or one to "recalibrate".
     drift_sigmas : Mahalanobis length of that drift in the sigma of the capture (chi with 5 degrees of freedom).
@@ -242,6 +253,12 @@ class Verification(ByValue, ShortRepr, HasReport):
     supported_pose: RigidTransform | None = None
     band: Band = "cannot tell"
 
+    @property
+    def forbids_measuring(self) -> bool:
+        """Whether points measured from this capture would be wrong: the rig has drifted, by more than is improvable,
+        or neither its pose nor any other explains the capture."""
+        return self.band == "recalibrate" or not isinstance(self.cause, (*TOO_LITTLE, PoseDrifted, NoneType))
+
     def _shown(self) -> Shown:
         return f"{self.verdict}: {self.reason}", verification_rows(self)
 
@@ -254,6 +271,11 @@ def unattended(result: Accepted | Refused) -> Accepted | Refused:
     if lenses.verdict == "unchecked" and lenses.word != "fixed":
         return Refused(LensUnchecked(), result.evidence)
     return result
+
+
+def refuted(verification: Verification, cause: Reason) -> Verification:
+    """The same where more is known against the rig than its points told."""
+    return replace(verification, verdict="drifted", band=BANDS["drifted"], cause=cause, reason=str(cause))
 
 
 def candidate(fit: PoseFit, points: TwoViewPoints, scored: BoolArray, length: float, *, chosen: bool) -> PoseCandidate:

@@ -18,12 +18,20 @@ from retrue.errors import DegenerateError, require_kind
 from retrue.geometry.arrays import FloatArray
 from retrue.geometry.transform import RigidTransform
 from retrue.geometry.two_view import TwoViewPose, epipolar_residuals, planes_of_pose
-from retrue.rasters import check_captures
+from retrue.rasters import check_captures, picture_mirrored
 from retrue.recalibration.fit import chi_square
 from retrue.recalibration.judge import Judgement, deviations_limit, drift, judge, objection, rig_covariance
 from retrue.recalibration.options import RecalibrateOptions, VerifyOptions
 from retrue.recalibration.posterior import PosePrior, Prior, fit_posterior
-from retrue.recalibration.reasons import Imprecise, Reason, RivalUnbeaten, reason_of
+from retrue.recalibration.reasons import (
+    Imprecise,
+    PoseContradicted,
+    PoseDrifted,
+    Reason,
+    RivalUnbeaten,
+    drift_text,
+    reason_of,
+)
 from retrue.recalibration.result import BANDS, Band, Verification, change, rms, sigma_at, working_distance
 from retrue.rig import Rig, require_rig
 
@@ -46,11 +54,14 @@ def verify(rig: Rig, captures: Sequence[Correspondences], options: VerifyOptions
     options = options or VerifyOptions()
     require_kind(options, VerifyOptions, "options")
     total = sum(len(capture) for capture in captures)
+    if (mirrored := picture_mirrored(captures)) is not None:
+        return Verification("unknown", str(mirrored), None, total, cause=mirrored)
     try:
         judgement = judge(rig, captures, options.estimate)
         return _verified(rig, judgement, total, options)
     except DegenerateError as error:
-        return Verification("unknown", str(error), None, total, cause=reason_of(error))
+        cause = reason_of(error, captures)
+        return Verification("unknown", str(cause), None, total, cause=cause)
 
 
 def _verified(rig: Rig, judgement: Judgement, total: int, options: VerifyOptions) -> Verification:
@@ -80,24 +91,22 @@ def _verified(rig: Rig, judgement: Judgement, total: int, options: VerifyOptions
             band=band or BANDS[word],
         )
 
-    moved = f"{found.rotation_deg:.3f} deg in rotation, {found.translation_deg:.3f} deg in the direction of t"
-    if depth is not None and found.displacement is not None:
-        moved += f", {round(found.displacement, 9):.4g} {rig.unit} for points at {depth:.4g} {rig.unit}"
+    moved = (found.rotation_deg, found.translation_deg, found.displacement, depth, rig.unit)
     cause = objection(judgement, uncertainty, depth, options.estimate)
     limit = deviations_limit(options.false_alarms)
     holds = deviations <= limit
     if not holds and cause is None:
-        band, advice = BANDS["drifted"], "recalibrate"
-        if found.displacement is not None and depth and found.displacement <= options.improvable * depth:
-            band, advice = "improvable", "recalibrate where so little matters"
-        return verdict("drifted", f"the capture supports another pose: {moved}, {deviations:.1f} sigma; {advice}", band)
+        small = found.displacement is not None and depth and found.displacement <= options.improvable * depth
+        return verdict(
+            "drifted", PoseDrifted(*moved, deviations, bool(small)), "improvable" if small else BANDS["drifted"]
+        )
     if not holds and isinstance(cause, Imprecise | RivalUnbeaten):
         deviations = min(deviations, contradiction(rig, judgement, options.estimate))
         if not deviations <= limit:
-            return verdict("drifted", f"the points contradict the rig's pose by {deviations:.1f} sigma, though {cause}")
+            return verdict("drifted", PoseContradicted(deviations, cause))
     if cause is not None and not (holds and isinstance(cause, RivalUnbeaten)):
         return verdict("unknown", cause)
-    return verdict("good", f"the capture supports the rig's pose: {moved}, {deviations:.1f} sigma")
+    return verdict("good", f"the capture supports the rig's pose: {drift_text(*moved)}, {deviations:.1f} sigma")
 
 
 def contradiction(rig: Rig, judgement: Judgement, options: RecalibrateOptions) -> float:

@@ -50,10 +50,8 @@ def _after(before: Rig, result: Accepted | Refused) -> Rig | None:
     """The new rig; where there is none, what it would have been."""
     if isinstance(result, Accepted) and not result.unchanged:
         return result.rig
-    for candidate in result.evidence.candidates:
-        if candidate.chosen:
-            return replace(before, projector_from_camera=candidate.projector_from_camera)
-    return None
+    pose = result.evidence.pose
+    return None if pose is None else replace(before, projector_from_camera=pose)
 
 
 def _why(result: Accepted | Refused) -> str:
