@@ -8,7 +8,7 @@ from itertools import product
 import numpy as np
 
 from retrue.correspondences import Correspondences
-from retrue.experiments.scenes import CAMERA, PROJECTOR
+from retrue.experiments.scenes import random_rig
 from retrue.experiments.study import Cell as Number
 from retrue.experiments.study import Line, Panel, Study, Table
 from retrue.experiments.trials import Progress, run_trials
@@ -114,7 +114,7 @@ def _numbers(table: Table, column: str) -> list[float]:
 def _trial(cell: Cell, rng: np.random.Generator) -> FloatArray:
     """(6,): accepted, wrong, cannot tell, refused otherwise, both in front, prior wrong."""
     while True:
-        rig, normal = _random_rig(rng)
+        rig, normal = random_rig(rng)
         capture = _capture(cell, rig, normal, rng)
         if capture is not None:
             break
@@ -132,15 +132,6 @@ def _trial(cell: Cell, rng: np.random.Generator) -> FloatArray:
     wrong = accepted and pose is not None and _nearer_to(other, truth, pose)
     undecided = isinstance(result, Refused) and isinstance(result.cause, RivalUnbeaten)
     return np.array([accepted, wrong, undecided, not (accepted or undecided), both, prior_wrong], dtype=np.float64)
-
-
-def _random_rig(rng: np.random.Generator) -> tuple[Rig, FloatArray]:
-    """A projector beside the camera, turned so that both look at a plane at distance 1 along the axis."""
-    normal = np.array([*rng.normal(0, 0.35, 2), 1.0])
-    t = np.array([rng.choice([-1, 1]) * rng.uniform(0.1, 0.5), rng.normal(0, 0.1), rng.normal(0, 0.1)])
-    aim = rotation_from_vector([0.0, np.arctan2(t[0], 1.0), 0.0])
-    R = rotation_from_vector(rng.normal(0, 0.05, 3)) @ aim.T
-    return Rig(CAMERA, PROJECTOR, RigidTransform(R, t)), normal
 
 
 def _capture(cell: Cell, rig: Rig, normal: FloatArray, rng: np.random.Generator) -> Correspondences | None:

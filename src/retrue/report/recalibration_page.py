@@ -10,6 +10,7 @@ from retrue.recalibration.result import Accepted, Evidence, PoseSigma, Refused
 from retrue.recalibration.summary import lens_condition
 from retrue.report.evidence_tables import change_table, evidence_blocks, pose_table
 from retrue.report.lengths import LengthUnit, degrees, pixels, problem_and_advice, sentence, shown_unit
+from retrue.report.light_section import light_section
 from retrue.report.page import Fact, Page, Section
 from retrue.report.residual_section import median_residual, residual_section
 from retrue.report.scene import change_scene, cloud_of
@@ -37,6 +38,8 @@ def recalibration_page(before: Rig, captures: Sequence[Capture], result: Accepte
     rigs = {"After": after, "Before": before} if after is not None else {"Before": before}
     sections.append(residual_section(rigs, captures))
     sections.insert(1, Section("Why this one", _why(result), evidence_blocks(before, evidence, unit)))
+    if (light := light_section(before, captures, evidence)) is not None:
+        sections.insert(2, light)
     facts = _facts(before, after, captures, evidence, unit)
     if isinstance(result, Accepted):
         said = _unchanged(evidence) if result.unchanged else _accepted(evidence, out)
