@@ -88,7 +88,9 @@ class GridSight:
 
 
 NOT_THIS = "not this pattern: a grid is there, but its colours are not those of this code"
-MIRRORED = "the projector's picture is mirrored (rear projection, a ceiling setting, or seen in a mirror): switch it off"
+MIRRORED = (
+    "the projector's picture is mirrored (rear projection, a ceiling setting, or seen in a mirror): switch it off"
+)
 LINES = "a grid of lines: this decoder reads blocks; project a colour grid of `retrue pattern`"
 
 
