@@ -5,19 +5,24 @@ from __future__ import annotations
 import json
 import re
 from collections.abc import Iterator
+from dataclasses import replace
 from html import unescape
 from html.parser import HTMLParser
 
 import numpy as np
 import pytest
 
+from retrue.capture import Capture
+from retrue.recalibration.light import log_irradiance
+from retrue.recalibration.recalibrate import recalibrate
 from retrue.recalibration.result import Evidence, PoseCandidate
 from retrue.report.evidence_tables import evidence_blocks
 from retrue.report.figures import embedded_picture, numbers, polyline
 from retrue.report.lengths import shown_unit
 from retrue.report.page import Chart, Page, Table, Tabs
+from retrue.report.recalibration_page import recalibration_page
 from retrue.report.residual_section import round_factor
-from tests.recalibration.scenes import RIG
+from tests.recalibration.scenes import RIG, WALL, Scene, bumped, capture
 
 from .pages import PAGES, PROVENANCE, accepted, html, unchanged
 
@@ -200,3 +205,23 @@ def test_photographs_are_made_small(shape):
     picture = np.random.default_rng(0).integers(0, 65536, shape).astype(np.uint16)
     assert embedded_picture(picture).startswith("data:image/jpeg;base64,")
     assert len(embedded_picture(np.full(shape, 200, dtype=np.uint8))) < 40_000
+
+
+def test_the_light_is_shown_as_measured_and_as_each_candidate_predicts_it():
+    seen = capture(Scene(), area=(0.1, 0.9, 0.1, 0.9), grid=(30, 24))
+    normal, distance = WALL
+    n = normal / np.linalg.norm(normal) / distance
+    y = RIG.projector.unproject(seen.projector_px)
+    lit = np.exp(log_irradiance(y, RIG.projector_from_camera.R, RIG.projector_from_camera.t, np.tile(n, (len(y), 1))))
+    points = replace(seen, light=lit)
+    result = recalibrate(bumped(RIG, [0, 2, 0], [0, 2, 0]), [points])
+    page = recalibration_page(RIG, [Capture("wall.png", points)], result)
+    (section,) = (section for section in page.sections if section.title == "In the projector's light")
+    (tabs,) = section.blocks
+    assert [name for name, _ in tabs.panels][:3] == ["Measured", "Chosen pose", "Rival 1"]
+    measured, chosen, rival = (np.array(chart.figure["data"][0]["customdata"]) for _, chart in tabs.panels[:3])
+    assert np.abs(np.log(measured / chosen)).max() < 0.05
+    if len(rival) == len(measured):
+        assert np.median(np.abs(np.log(measured / rival))) > 0.1
+    without = recalibration_page(RIG, [Capture("wall.png", seen)], result)
+    assert "In the projector's light" not in [section.title for section in without.sections]

@@ -7,7 +7,7 @@ from collections.abc import Mapping, Sequence
 from retrue.capture import Capture
 from retrue.recalibration.result import Band, Verification
 from retrue.report.evidence_tables import change_table
-from retrue.report.lengths import degrees, pixels, problem_and_advice, shown_unit
+from retrue.report.lengths import LengthUnit, degrees, pixels, problem_and_advice, shown_unit
 from retrue.report.page import Block, Fact, Page, Section, Table, Tone
 from retrue.report.residual_section import median_residual, residual_section
 from retrue.report.scene import cloud_of, rig_scene
@@ -38,7 +38,7 @@ def verification_page(rig: Rig, captures: Sequence[Capture], verification: Verif
         verification.band.capitalize(),
         TONES[verification.band],
         problem,
-        _facts(verification, median_residual(rig, captures)),
+        _facts(verification, median_residual(rig, captures), unit),
         tuple(sections),
         advice,
     )
@@ -57,14 +57,16 @@ def _counts(verification: Verification) -> Block:
     )
 
 
-def _facts(verification: Verification, missed: float) -> tuple[Fact, ...]:
-    facts = [Fact("Rays miss by (median)", pixels(missed), f"{verification.correspondences:,} correspondences")]
+def _facts(verification: Verification, missed: float, unit: LengthUnit) -> tuple[Fact, ...]:
+    """One distance: that by which points are off, or, where no pose is supported, that of the rays."""
     drift, sigma = verification.drift, verification.sigma
     if drift is None or sigma is None:
-        return tuple(facts)
-    return (
+        return (Fact("Rays miss by (median)", pixels(missed), f"{verification.correspondences:,} correspondences"),)
+    facts = [
         Fact("Rotation is off by", degrees(drift.rotation_deg), f"± {degrees(sigma.rotation_deg)}"),
         Fact("Direction of t is off by", degrees(drift.translation_deg), f"± {degrees(sigma.translation_deg)}"),
-        Fact("Drift", f"{figures(verification.drift_sigmas, 2)} sigma"),
-        *facts,
-    )
+    ]
+    if drift.displacement is not None and verification.working_distance is not None:
+        note = f"± {unit.text(sigma.displacement)}, at {unit.text(verification.working_distance)}"
+        facts.append(Fact("Measured points are off by", unit.text(drift.displacement), note))
+    return (*facts, Fact("Drift", f"{figures(verification.drift_sigmas, 2)} sigma"))
