@@ -11,7 +11,7 @@ import numpy as np
 from retrue.correspondences import Correspondences
 from retrue.errors import DegenerateError, InputError
 from retrue.geometry.arrays import BoolArray, FloatArray, IntArray, finite_array
-from retrue.geometry.robust import CUTOFF, biweight_level
+from retrue.geometry.robust import CUTOFF
 from retrue.geometry.transform import direction_angle, rotation_angle
 from retrue.geometry.two_view import POSE_PARAMETERS, TwoViewPoints, TwoViewPose
 from retrue.recalibration.bows import bow_shapes, measured_scale
@@ -60,12 +60,11 @@ from retrue.recalibration.reasons import (
     RivalUnbeaten,
 )
 from retrue.recalibration.result import Evidence, PoseSigma, sigma_at
-from retrue.recalibration.rivals import Rival, light_of, nearest_points, ranked
+from retrue.recalibration.rivals import LOUD, Rival, light_of, nearest_points, plane_levels, ranked
 from retrue.rig import Rig
 
 COMPARED_POINTS = 1500  # enough to tell hypotheses apart; the best is then fitted to all
 HYPOTHESES = 4  # fitted with their lenses; the others explain much less
-LOUD = 1.5  # times the noise that its own planes leave: a pose that explains what does not belong together
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -130,7 +129,7 @@ def judge(rig: Rig, captures: Sequence[Correspondences], options: RecalibrateOpt
         apart = _apart(posteriors, best, part, measured)
         if apart:
             best, rivals = ranked([*posteriors, *apart], measured, few, light, old, part, rng)
-        lens = lens_evidence(measured, homographies, best, part, tight, wide)
+        lens = lens_evidence(measured, homographies, best, part, tight, wide, old)
         curved = curved_planes(best)
         if lens.verdict == "changed" or not curved.any():  # through a changed lens no plane looks flat
             break
@@ -171,9 +170,8 @@ def _apart(posteriors: list[Posterior], best: Posterior, part: Part | None, meas
     """
     points = measured.support.points
     starts = [(fit.parameters, parts_apart(fit, part, measured.homography_residuals)) for fit in posteriors]
-    planes = [measured.homography_residuals[points.plane_index == k] for k in range(len(best.pose.planes))]
-    quiet = LOUD * min((biweight_level(missed.ravel()) for missed in planes), default=np.inf)
-    if not max(best.fit.epipolar_noise.level, best.fit.along_noise.level) < quiet:
+    quiet = min(plane_levels(measured), default=np.inf)
+    if not max(best.fit.epipolar_noise.level, best.fit.along_noise.level) < LOUD * quiet:
         homographies = [best.pose.R + best.pose.t[:, None] * n for n in best.pose.planes]
         for plane, twin in twins_of_planes(points, homographies):
             elsewhere = points.plane_index != plane

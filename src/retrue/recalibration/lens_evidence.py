@@ -10,19 +10,19 @@ import numpy as np
 from retrue.errors import DegenerateError
 from retrue.geometry.arrays import FloatArray
 from retrue.geometry.robust import biweight_loss
+from retrue.geometry.two_view import TwoViewPose
 from retrue.recalibration.candidates import behind, same_pose
 from retrue.recalibration.chance import beyond_chance
 from retrue.recalibration.lens import FOCAL, LENS_PARAMETERS, LensPrior, scaled_starts
 from retrue.recalibration.parts import Part
 from retrue.recalibration.posterior import Measured, Parameters, Posterior, Prior, fit_posterior, posterior_at
-from retrue.recalibration.rivals import UNEXPLAINED, least
+from retrue.recalibration.rivals import LOUD, UNEXPLAINED, least, move_deg, move_nats, plane_levels
 
 KNOWN_FOCAL = 0.01
-# Of a real lens from its model, shared by a part of the picture: a calibration that no term of the model mends, and
-# one whose principal points and distortion the points may still mend.
-LENS_MISFIT_PX, FOCAL_MISFIT_PX = 0.1, 0.04
+MISFIT_PX = 0.04  # of a real lens from its model, shared by a part of the picture: no term of the model mends it
 CHANGED_GAIN = 30.0  # of chi-square; eight parameters that nobody touched gain as much once in 5000 times
-DOUBTFUL_GAIN = 12.0
+DOUBTFUL_GAIN = 9.0
+FAR_MOVE_DEG = 10.0
 FARTHEST = 3.0  # wide sigma that a lens changes by
 PART_PRICE = 60.0  # of chi-square: five free parameters, and the choice of points
 
@@ -54,23 +54,24 @@ def lens_evidence(
     part: Part | None,
     tight: LensPrior,
     wide: LensPrior,
+    old: TwoViewPose,
 ) -> LensEvidence:
     """Fit again with free lenses where that could gain something; else what it would say is at hand."""
-    real, mended = replace(measured, misfit=FOCAL_MISFIT_PX), replace(measured, misfit=LENS_MISFIT_PX)
+    real = replace(measured, misfit=MISFIT_PX)
     seen = posterior_at(real, best.parameters, best.prior)
-    # Of the focal lengths: what else changes leaves structure behind, and its pull is one of linearisation, too.
-    pull = np.zeros_like(seen.lens_pull)
-    pull[FOCAL] = seen.lens_pull[FOCAL]
-    pull, told = _believable(pull, seen.lens_information, wide)
+    pull, told = _believable(seen.lens_pull, seen.lens_information, wide)
     covariance = _with_prior(told, wide)
     change = covariance @ pull
     gain = float(pull @ change - pull @ _with_prior(told, tight) @ pull)
-    noise = best.fit.epipolar_noise
+    noise, moved = best.fit.epipolar_noise, move_deg(best.pose, old)
+    quiet = min(plane_levels(measured), default=np.inf)
+    elsewhere = not (noise.level < min(LOUD * quiet, 1.0) and noise.shared < max(0.5 * noise.level, MISFIT_PX))
     posterior, others = None, ()
-    if gain > DOUBTFUL_GAIN or noise.shared > max(0.5 * noise.level, FOCAL_MISFIT_PX) or not noise.level < 1:
-        starts = [(best.parameters, 15)]
-        for lens, pose in scaled_starts(measured.support.points, homographies, 3):
-            starts.append((Parameters.of(pose, lens), 25))
+    if gain > DOUBTFUL_GAIN or elsewhere or moved > FAR_MOVE_DEG:
+        starts = [(best.parameters, 30)]
+        if elsewhere or moved > FAR_MOVE_DEG:  # through other lenses, another pose may be it
+            for lens, pose in scaled_starts(measured.support.points, homographies, 3):
+                starts.append((Parameters.of(pose, lens), 25))
         fits: list[Posterior] = []
         for start, iterations in starts:
             try:
@@ -79,9 +80,8 @@ def lens_evidence(
                 continue
         posterior = least(fits, measured)
         others = tuple(fit for fit in fits if not same_pose(fit.pose, posterior.pose))
-        gain = max(
-            _gain(real, best, posterior, _with_focal_of(wide, tight), part),
-            _gain(mended, best, fit_posterior(mended, posterior.parameters, Prior(wide, free=True), 8), tight, part),
+        gain = _gain(real, best, posterior, tight, part) + 2 * (
+            move_nats(moved) - move_nats(move_deg(posterior.pose, old))
         )
         change, covariance = posterior.parameters.lens, posterior.lens_covariance
     sigma = np.sqrt(np.diag(covariance))
@@ -113,14 +113,6 @@ def _with_prior(told: FloatArray, prior: LensPrior) -> FloatArray:
     root = np.linalg.cholesky(prior.covariance)
     inverse = np.linalg.inv(np.eye(len(root)) + root.T @ told @ root)
     return root @ ((inverse + inverse.T) / 2) @ root.T
-
-
-def _with_focal_of(wide: LensPrior, tight: LensPrior) -> LensPrior:
-    """Principal points and distortion free, focal lengths as the calibration has them."""
-    covariance = wide.covariance.copy()
-    covariance[FOCAL], covariance[:, FOCAL] = 0.0, 0.0
-    covariance[np.ix_(FOCAL, FOCAL)] = tight.covariance[np.ix_(FOCAL, FOCAL)]
-    return LensPrior(covariance)
 
 
 def _gain(measured: Measured, best: Posterior, free: Posterior, prior: LensPrior, part: Part | None) -> float:

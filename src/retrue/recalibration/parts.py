@@ -79,9 +79,7 @@ def planes_apart(posterior: Posterior, outside: BoolArray, missed: FloatArray) -
         members = plane == index
         rows = members & (outside | ~(posterior.fit.robust_weights[1] > 0))
         if np.count_nonzero(rows) > max(FEWEST_OF_A_PART, (1 - MOST_OF_A_PLANE) * np.count_nonzero(members)):
-            found.append(
-                Part("a plane of its own", members, 8, missed[members], biweight_level(missed[members].ravel()))
-            )
+            found.append(Part("a plane of its own", members, 8, missed[members], _level(missed[members])))
     return found
 
 
@@ -114,7 +112,7 @@ def shifted_copy(posterior: Posterior, outside: BoolArray) -> Part | None:
     copy = np.zeros(len(outside), dtype=np.bool_)
     copy[rows[best]] = True
     missed = (shifted - np.median(shifted, axis=0)) / _sigma(points.select(copy))[:, None]
-    return Part("a shifted copy", copy, 2, missed, biweight_level(missed.ravel()))
+    return Part("a shifted copy", copy, 2, missed, _level(missed))
 
 
 def other_part(posterior: Posterior, outside: BoolArray, rng: np.random.Generator) -> Part | None:
@@ -145,7 +143,7 @@ def part_of_essential(posterior: Posterior, outside: BoolArray, E: FloatArray, r
     squares = sampson_squares(E, points.camera_rays, points.projector_rays)
     rows = loose & (squares < reach**2)
     missed = np.sqrt(squares[rows, None]) / _sigma(points.select(rows))[:, None]
-    level = max(posterior.fit.epipolar_noise.level, biweight_level(missed.ravel()))
+    level = max(posterior.fit.epipolar_noise.level, _level(missed))
     return Part("another pose", rows, POSE_PARAMETERS, missed, level, E, reach)
 
 
@@ -186,6 +184,10 @@ def differing_capture(measured: Measured, rays: Rays, answer: Posterior) -> tupl
 def _sigma(points: TwoViewPoints) -> FloatArray:
     """(N,) of each match, in the unit of the rays."""
     return np.hypot(points.camera_sigma, points.projector_sigma)
+
+
+def _level(missed: FloatArray) -> float:
+    return biweight_level(missed.ravel())
 
 
 def _noise(points: TwoViewPoints, level: float) -> float:

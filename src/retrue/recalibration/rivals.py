@@ -10,7 +10,7 @@ import numpy as np
 from retrue.correspondences import Correspondences
 from retrue.geometry.arrays import BoolArray, FloatArray, IntArray
 from retrue.geometry.nearest import nearest_of_all
-from retrue.geometry.robust import CUTOFF, Noise, biweight_loss
+from retrue.geometry.robust import CUTOFF, Noise, biweight_level, biweight_loss
 from retrue.geometry.transform import direction_angle, rotation_angle
 from retrue.geometry.two_view import FREE, POSE_PARAMETERS, TwoViewPose
 from retrue.recalibration.candidates import behind, same_pose, twins_of
@@ -29,6 +29,7 @@ PARAMETER = 12.0  # of chi-square, what a free parameter costs: its range is som
 FEWEST_OF_A_PLANE = 12
 SELDOM = 1.7  # of chi-square, 2 log(.7 / .3): a point of a copy, a mirror, or what moved, is the rarer one
 ROUGH = 0.3  # of chi-square: what bows and lenses that no model holds make of a point on a plane
+LOUD = 1.5  # times the noise that a plane of it leaves: a pose that explains what does not belong together
 WITHIN = 5.0  # sigma of the best
 APART = 10.0  # times the noise: nearer to the line where two planes meet, either may claim a point
 
@@ -214,7 +215,13 @@ def _rivals(
     if light is not None and others:
         lit = light.evidence(best, [fit for _, fit in others], few, rng)
     return tuple(
-        Rival(name, fit, _point_evidence(best, fit, measured, part), seen, _move(fit.pose, old) - _move(best.pose, old))
+        Rival(
+            name,
+            fit,
+            _point_evidence(best, fit, measured, part),
+            seen,
+            _moved(fit, old) - _moved(best, old),
+        )
         for (name, fit), seen in zip(others, lit, strict=True)
     )
 
@@ -261,10 +268,25 @@ def _shared_plane(best: Posterior, rival: Posterior, measured: Measured) -> Bool
     return shared & ~behind(rival.pose, rival.points, level) & ~_hidden(rival, measured.neighbours)
 
 
-def _move(pose: TwoViewPose, old: TwoViewPose) -> float:
+def move_deg(pose: TwoViewPose, old: TwoViewPose) -> float:
+    """How far a pose is from the old one: the angles of the rotation and of the direction of t together."""
+    return float(np.degrees(np.hypot(rotation_angle(pose.R @ old.R.T), direction_angle(pose.t, old.t))))
+
+
+def move_nats(degrees: float) -> float:
     """-log prior of a move: moves of any size alike, so that its density falls with the fifth power of the size."""
-    angles = np.degrees([rotation_angle(pose.R @ old.R.T), direction_angle(pose.t, old.t)])
-    return 5 * float(np.log(max(float(np.hypot(*angles)), NEAREST_DEG)))
+    return 5 * float(np.log(max(degrees, NEAREST_DEG)))
+
+
+def _moved(posterior: Posterior, old: TwoViewPose) -> float:
+    return move_nats(move_deg(posterior.pose, old))
+
+
+def plane_levels(measured: Measured) -> list[float]:
+    """Noise that the homography of each plane leaves by itself."""
+    plane = measured.support.points.plane_index
+    planes = range(int(plane.max(initial=FREE)) + 1)
+    return [biweight_level(measured.homography_residuals[plane == index].ravel()) for index in planes]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
