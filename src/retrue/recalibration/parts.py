@@ -106,12 +106,12 @@ def shifted_copy(posterior: Posterior, outside: BoolArray) -> Part | None:
             near = np.abs(shift[:, None] - shift[None, :: max(1, len(rows) // CENTRES)]).max(axis=2) < noise
             mode = near[:, int(np.argmax(near.sum(axis=0)))]
             if np.count_nonzero(mode) >= fewest and (best is None or np.count_nonzero(mode) > np.count_nonzero(best)):
-                best, shifted = mode, shift[mode]
+                best, shifted = mode, np.asarray(shift[mode], dtype=np.float64)
     if best is None:
         return None
     copy = np.zeros(len(outside), dtype=np.bool_)
     copy[rows[best]] = True
-    missed = (shifted - np.median(shifted, axis=0)) / _sigma(points.select(copy))[:, None]
+    missed: FloatArray = (shifted - np.median(shifted, axis=0)) / _sigma(points.select(copy))[:, None]
     return Part("a shifted copy", copy, 2, missed, _level(missed))
 
 
@@ -142,7 +142,7 @@ def part_of_essential(posterior: Posterior, outside: BoolArray, E: FloatArray, r
     loose = outside | (points.plane_index == FREE) | ~(posterior.fit.robust_weights[1] > 0)
     squares = sampson_squares(E, points.camera_rays, points.projector_rays)
     rows = loose & (squares < reach**2)
-    missed = np.sqrt(squares[rows, None]) / _sigma(points.select(rows))[:, None]
+    missed: FloatArray = np.sqrt(squares[rows, None]) / _sigma(points.select(rows))[:, None]
     level = max(posterior.fit.epipolar_noise.level, _level(missed))
     return Part("another pose", rows, POSE_PARAMETERS, missed, level, E, reach)
 
@@ -169,7 +169,7 @@ def differing_capture(measured: Measured, rays: Rays, answer: Posterior) -> tupl
     joint = PosePrior(answer.pose.R, answer.pose.t, np.eye(POSE_PARAMETERS))
     furthest = (0, 0.0)
     for capture in range(captures):
-        part = measured.select(rays.capture == capture)
+        part = replace(measured, aside=None).select(rays.capture == capture)  # all of them may be of another pose
         try:
             own = fit_posterior(part, answer.parameters, answer.prior, 4)
             difference = joint.difference(own.pose)
