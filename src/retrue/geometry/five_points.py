@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from itertools import combinations_with_replacement
 
 import numpy as np
@@ -12,6 +12,8 @@ from retrue.kernels import essentials as solver
 from retrue.kernels import five_points as kernel
 
 MOST_SOLUTIONS = 20  # ten, and what rounding may add
+SAMPLES, MOST_SAMPLES = 60, 480
+MISSED = np.log(0.01)  # that no sample is all right
 
 # Monomials in (x, y, z, 1) by their factors: ten that are eliminated, then those by which three of the equations are
 # linear in x and y.
@@ -59,22 +61,34 @@ def poses_of_essential(E: FloatArray) -> list[tuple[FloatArray, FloatArray]]:
     return [(U @ w @ Vt, sign * U[:, 2]) for w in (W, W.T) for sign in (1.0, -1.0)]
 
 
-def best_essential(
-    x: FloatArray, y: FloatArray, noise: float, samples: IntArray, scored: IntArray
-) -> FloatArray | None:
-    """The essential matrix (3, 3) of samples of five that the most points agree with: MSAC; None of hopeless samples.
+def best_essentials(
+    x: FloatArray, y: FloatArray, noises: Sequence[float], draw: Callable[[int], IntArray], scored: IntArray
+) -> list[FloatArray]:
+    """The essential matrices (3, 3) of samples of five that the most points agree with at each noise: MSAC.
+
+    Where a part of the points is wrong, and noisier than the right ones, they differ. Samples are drawn until one of
+    them is all right with 99 %, by the share that agrees.
 
     Parameters
     ----------
     x, y : (N, 2) normalised rays of both devices.
-    noise : standard deviation of a match, in their unit.
-    samples : (S, 5) rows to solve.
+    noises : standard deviations of a match to try, in their unit.
+    draw : rows (S, 5) of so many samples.
     scored : rows that are asked.
     """
-    candidates = five_point_essentials(x, y, samples)
-    if not len(candidates):
-        return None
-    return candidates[kernel.most_agreed(candidates, x[scored], y[scored], 9 * noise**2)]
+    best: list[tuple[float, FloatArray]] = [(np.inf, np.empty((0, 0)))] * len(noises)
+    few, drawn, enough = (x[scored], y[scored]), 0, SAMPLES
+    while drawn < min(enough, MOST_SAMPLES):
+        candidates = five_point_essentials(x, y, draw(SAMPLES))
+        drawn += SAMPLES
+        agreeing = 0.0
+        for index, noise in enumerate(noises if len(candidates) else ()):
+            E = candidates[kernel.most_agreed(candidates, *few, 9 * noise**2)]
+            cost = float(np.minimum(sampson_squares(E, *few) / (9 * noise**2), 1).sum())
+            best[index] = min(best[index], (cost, E), key=lambda one: one[0])
+            agreeing = max(agreeing, 1 - best[index][0] / max(len(scored), 1))
+        enough = MISSED / np.log1p(-min(agreeing**5, 0.99)) if agreeing > 0.1 else MOST_SAMPLES
+    return [E for cost, E in best if np.isfinite(cost)]
 
 
 def sampson_squares(E: FloatArray, x: FloatArray, y: FloatArray) -> FloatArray:

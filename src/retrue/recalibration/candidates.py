@@ -8,7 +8,7 @@ import numpy as np
 
 from retrue.errors import DegenerateError
 from retrue.geometry.arrays import BoolArray, FloatArray, IntArray
-from retrue.geometry.five_points import best_essential, poses_of_essential
+from retrue.geometry.five_points import best_essentials, poses_of_essential
 from retrue.geometry.planar_pose import PlanarPose, planar_pose_candidates, twin_pose
 from retrue.geometry.robust import MAD_TO_SIGMA, quantile
 from retrue.geometry.robust_homography import HYPOTHESES, MOST_HYPOTHESES, largest_plane, local_noise
@@ -26,7 +26,6 @@ GATHERED_POINTS = 800  # enough to bring a start near
 STARTING_PLANES = 3
 MOST_BOW = 3.5  # of the usual bow of a wall
 MOST_SCATTER, SCATTER_PX = 4.0, 1.0  # along the epipolar line, of the noise across it, and at least
-SAMPLES = 60  # of five points: with a third of the points wrong, one in eight is all right
 SCORED_POINTS = 500
 FEWEST_FREE = 30  # points off all planes, below which five points tell nothing that planes do not
 SAME_POSE = np.radians(0.5)
@@ -142,16 +141,23 @@ def _of_five_points(
     points: TwoViewPoints, free: IntArray, homographies: list[FloatArray], noise: float, rng: np.random.Generator
 ) -> list[TwoViewPose]:
     """The best of samples from everywhere, half of each off all planes, with points in front of both devices."""
-    everywhere = rng.integers(0, len(points), (SAMPLES, 5))
-    everywhere[:, :3] = free[rng.integers(0, len(free), (SAMPLES, 3))]
+
+    def draw(count: int) -> IntArray:
+        rows = rng.integers(0, len(points), (count, 5))
+        rows[:, :3] = free[rng.integers(0, len(free), (count, 3))]
+        return rows
+
     scored = rng.choice(len(points), min(SCORED_POINTS, len(points)), replace=False)
-    E = best_essential(points.camera_rays, points.projector_rays, noise, everywhere, scored)
-    if E is None:
-        return []
-    few = points.select(scored)
-    poses = [TwoViewPose(R, t) for R, t in poses_of_essential(E)]
-    best = max(poses, key=lambda pose: -np.count_nonzero(behind(pose, few, 1.0)))
-    return [_seen(best.R, best.t, homographies)]
+    nominal = float(np.median(np.hypot(points.camera_sigma, points.projector_sigma)))
+    noises = [noise]
+    while noises[-1] > 0.3 * nominal:  # what is wrong may lie near, and make neighbours look noisy
+        noises.append(noises[-1] / 3)
+    few, found = points.select(scored), list[TwoViewPose]()
+    for E in best_essentials(points.camera_rays, points.projector_rays, noises, draw, scored):
+        poses = [TwoViewPose(R, t) for R, t in poses_of_essential(E)]
+        best = max(poses, key=lambda pose: -np.count_nonzero(behind(pose, few, 1.0)))
+        found.append(_seen(best.R, best.t, homographies))
+    return found
 
 
 def refined_poses(starts: list[TwoViewPose], support: Support, rng: np.random.Generator) -> list[PoseFit]:

@@ -26,7 +26,7 @@ from retrue.recalibration.candidates import (
     with_planes,
 )
 from retrue.recalibration.fit import PoseFit, Support
-from retrue.recalibration.lens import FOCAL, stated_prior, wide_prior
+from retrue.recalibration.lens import LENS_NAMES, LENS_PARAMETERS, stated_prior, wide_prior
 from retrue.recalibration.lens_evidence import LensEvidence, effective_prior, lens_evidence
 from retrue.recalibration.options import RecalibrateOptions
 from retrue.recalibration.parts import (
@@ -198,9 +198,16 @@ def objection(
     level = float(np.maximum(fit.epipolar_noise.level, fit.along_noise.level))
     lens = judgement.lens
     if lens.verdict == "changed" and options.lens != "refit":
-        device = int(np.argmax(np.abs(lens.change[FOCAL]) / lens.sigma[FOCAL]))
-        amount, uncertain = float(np.expm1(lens.change[FOCAL][device])), float(lens.sigma[FOCAL][device])
-        return LensChanged(("camera", "projector")[device], amount, uncertain, lens.gain)
+        clearest = int(np.argmax(np.abs(lens.change) / lens.sigma))
+        device, what = divmod(clearest, LENS_PARAMETERS)
+        amount = float(lens.change[clearest])
+        return LensChanged(
+            ("camera", "projector")[device],
+            LENS_NAMES[what],
+            float(np.expm1(amount)) if what == 0 else amount,
+            float(lens.sigma[clearest]),
+            lens.gain,
+        )
     if not (share >= 1 - options.max_outliers and level <= options.max_noise_px):
         return PointsDisagree(share, 1 - options.max_outliers, level, options.max_noise_px)
     if judgement.differing is not None and not judgement.differing[1] <= MOST_DEVIATIONS:

@@ -17,6 +17,7 @@ from retrue.rig import Rig
 
 LENS_PARAMETERS = 4
 """Of a device: log of the relative focal length, principal point (x, y) in px, k1; the camera's four come first."""
+LENS_NAMES = ("focal length", "principal point in x", "principal point in y", "k1")
 FOCAL = [0, LENS_PARAMETERS]
 WIDE_FOCAL, WIDE_PRINCIPAL_POINT, WIDE_K1 = 0.2, 0.03, 0.2
 """Of a lens that may have changed: relative, share of the picture's diagonal, absolute."""

@@ -9,7 +9,7 @@ import numpy as np
 
 from retrue.errors import DegenerateError
 from retrue.geometry.arrays import BoolArray, FloatArray
-from retrue.geometry.five_points import best_essential, sampson_squares
+from retrue.geometry.five_points import best_essentials, sampson_squares
 from retrue.geometry.robust import CUTOFF, biweight_level
 from retrue.geometry.two_view import FREE, POSE_PARAMETERS, TwoViewPoints
 from retrue.recalibration.candidates import behind
@@ -125,11 +125,13 @@ def other_part(posterior: Posterior, outside: BoolArray, rng: np.random.Generato
         return None
     points = posterior.points.select(rows)
     noise = _noise(points, np.hypot(posterior.fit.epipolar_noise.level, posterior.fit.epipolar_noise.shared))
-    samples = rng.integers(0, len(rows), (60, 5))
     scored = rng.permutation(len(rows))[:600]
-    E = best_essential(points.camera_rays, points.projector_rays, noise, samples, scored)
-    if E is None:
+    found = best_essentials(
+        points.camera_rays, points.projector_rays, [noise], lambda count: rng.integers(0, len(rows), (count, 5)), scored
+    )
+    if not found:
         return None
+    E = found[0]
     agree = sampson_squares(E, points.camera_rays, points.projector_rays) < (3 * noise) ** 2
     if np.count_nonzero(agree) < max(FEWEST_OF_A_PART, SHARE_OF_A_PART * len(rows)):
         return None

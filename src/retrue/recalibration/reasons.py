@@ -121,18 +121,21 @@ class Imprecise(Reason):
 
 @dataclass(frozen=True, slots=True)
 class LensChanged(Reason):
-    """The points contradict the rig's lenses; relative change of a device's focal length, with its sigma."""
+    """The points contradict the rig's lenses; what of which device changed most clearly, in that thing's own unit."""
 
     device: str
+    what: str
     amount: float
     sigma: float
     gain: float
 
     def __str__(self) -> str:
+        form, unit = {"focal length": ("+.1%", ""), "k1": ("+.2g", "")}.get(self.what, ("+.1f", " px"))
+        amount, sigma = f"{self.amount:{form}}{unit}", f"{self.sigma:{form.lstrip('+')}}{unit}"
         return (
-            f"the points contradict the rig's lenses: they ask for a focal length of the {self.device} that is"
-            f" {self.amount:+.1%} off (sigma {self.sigma:.1%}); was it zoomed, refocused or cropped? if so, take the"
-            " new focal lengths with --lens refit, or calibrate anew"
+            f"the points contradict the rig's lenses: they ask for a {self.what} of the {self.device} that is {amount}"
+            f" off (sigma {sigma}); was it zoomed, refocused or cropped? if so, take the new lenses with --lens refit,"
+            " or calibrate anew"
         )
 
 
