@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
+from typing import cast
 
 import numpy as np
 
@@ -99,13 +100,15 @@ def light_of_captures(rig: Rig, captures: Mapping[str, Correspondences], *, seed
             if pose is not None:
                 off = _off_deg(pose, rig.projector_from_camera)
             nats, missed, other = float("nan"), float("nan"), float("nan")
-            if len(evidence.candidates) > 1:
-                drawn = _profile_of(title, rig, plane, evidence.candidates[0], evidence.candidates[1])
-                panels.append(drawn)
+            if evidence.rivals:
+                strongest = min(range(len(evidence.rivals)), key=lambda one: evidence.rivals[one].margin)
+                answer, *others = evidence.candidates
+                drawn = _profile_of(title, rig, plane, answer, others[strongest])
+                panels += [drawn] if drawn.lines else []
                 missed, other = (_missed(drawn, line) for line in (1, 2))
-                nats = evidence.rivals[0].light
-            answer = result.verdict if isinstance(result, Accepted) else result.cause.name
-            rows.append((name, index, len(plane), answer, *off, nats, missed, other))
+                nats = evidence.rivals[strongest].light
+            said = result.verdict if isinstance(result, Accepted) else result.cause.name
+            rows.append((name, index, len(plane), said, *off, nats, missed, other))
     columns = ("capture", "plane", "points", "answer", "rotation_deg", "translation_deg", "nats")
     table = Table("light", (*columns, "answer_misses", "rival_misses"), rows)
     return Study("light", table, tuple(panels[:MOST_PANELS]))
@@ -125,8 +128,8 @@ def _profile(title: str, points: Correspondences, measured: FloatArray, expected
         return Panel(title, PLACE, "brightness", [])
     x = points.camera_px[known] - points.camera_px[known].mean(axis=0)
     steepest = list(expected.values())[-1][known]
-    slope: FloatArray = np.linalg.lstsq(x, steepest - steepest.mean(), rcond=None)[0]
-    along = x @ (slope / max(float(np.linalg.norm(slope)), 1e-12))
+    slope = cast(FloatArray, np.linalg.lstsq(x, steepest - steepest.mean(), rcond=None)[0])
+    along: FloatArray = x @ (slope / max(float(np.linalg.norm(slope)), 1e-12))
     strips = np.array_split(np.argsort(along), BINS)
     place = [float(np.median(along[strip])) for strip in strips]
     lines = [

@@ -55,7 +55,8 @@ def random_rig(rng: np.random.Generator) -> tuple[Rig, FloatArray]:
 
 def random_old_pose(truth: RigidTransform, rng: np.random.Generator) -> RigidTransform:
     """That pose before a move of up to 60 degrees in any direction, in rotation and in the direction of t."""
-    turns = [rng.uniform(0, LARGEST_MOVE) * axis / np.linalg.norm(axis) for axis in rng.normal(size=(2, 3))]
+    axes = rng.normal(size=(2, 3))
+    turns: FloatArray = axes / np.linalg.norm(axes, axis=1, keepdims=True) * rng.uniform(0, LARGEST_MOVE, (2, 1))
     return RigidTransform(rotation_from_vector(turns[0]) @ truth.R, rotation_from_vector(turns[1]) @ truth.t)
 
 

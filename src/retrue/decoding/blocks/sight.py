@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from enum import IntEnum
+from typing import cast
 
 import cv2
 import numpy as np
@@ -120,11 +121,12 @@ def advise(sight: GridSight, decoded: int) -> str:
 
 def _shows_lines(picture: Image) -> bool:
     """Whether what is brighter than its surroundings hangs together as a net over much of the (h, w, 3) picture."""
-    grey = picture.max(axis=-1).astype(np.float32)
+    grey: NDArray[np.float32] = picture.max(axis=-1).astype(np.float32)
     side = max(3, min(grey.shape) // LINE_SURROUNDINGS)
-    bright = (grey > cv2.blur(grey, (side, side)) + LINE_CONTRAST * float(grey.std())).astype(np.uint8)
-    bright = cv2.morphologyEx(bright, cv2.MORPH_OPEN, np.ones((2, 2), np.uint8))
-    _, _, boxes, _ = cv2.connectedComponentsWithStats(bright, connectivity=4)
+    around = cast(NDArray[np.float32], cv2.blur(grey, (side, side)))
+    bright = np.asarray(grey > around + LINE_CONTRAST * float(grey.std()), dtype=np.uint8)
+    opened = cv2.morphologyEx(bright, cv2.MORPH_OPEN, np.ones((2, 2), np.uint8))
+    _, _, boxes, _ = cv2.connectedComponentsWithStats(opened, connectivity=4)
     if len(boxes) < 2:
         return False
     *_, width, height, area = (float(value) for value in max(boxes[1:].tolist(), key=lambda box: box[4]))
