@@ -96,7 +96,8 @@ class Reconstruct(ReportingCommand):
         self._require_formats(rig.unit)
         start = time.perf_counter()
         verification = verify(rig, [capture.points])
-        if verification.forbids_measuring and not self.anyway:
+        nothing = not len(capture.points)
+        if nothing or (verification.forbids_measuring and not self.anyway):
             return self._contradicted(rig, capture, verification, time.perf_counter() - start)
         cloud = reconstruct(rig, capture.points, self.limits)
         missed, most = cloud.card["epipolar_rms_px"], RecalibrateOptions().max_noise_px
@@ -126,7 +127,8 @@ class Reconstruct(ReportingCommand):
         from retrue.cli.json_output import verification_report
 
         report = verification_report(verification, seconds) | {"out": None}
-        text = f"refused: nothing was written (--anyway does): {verification.reason}"
+        anyway = " (--anyway does)" if len(capture.points) else ""
+        text = f"refused: nothing was written{anyway}: {verification.reason}"
         page = None
         if self.report is not None:
             from retrue.report.verification_page import verification_page

@@ -18,7 +18,7 @@ from retrue.recalibration.fit import PoseFit
 from retrue.recalibration.options import LensWord
 from retrue.recalibration.reasons import TOO_LITTLE, LensUnchecked, PoseDrifted
 from retrue.recalibration.scale import inverse_depths
-from retrue.recalibration.summary import change_text, evidence_rows, verification_rows
+from retrue.recalibration.summary import change_text, evidence_rows, lens_condition, verification_rows
 from retrue.rig import Rig
 from retrue.rig_difference import displacement_rms, rig_difference
 from retrue.shown import HasReport, ShortRepr, Shown, figures
@@ -200,7 +200,8 @@ class Accepted(ByValue, ShortRepr, HasReport):
         """Nothing speaks against it."""
 
     def _shown(self) -> Shown:
-        return self.reason, evidence_rows(self.evidence, self.rig.unit)
+        condition = lens_condition(self.evidence.lenses)
+        return f"{condition and f'{condition}, '}{self.reason}", evidence_rows(self.evidence, self.rig.unit)
 
 
 @dataclass(frozen=True, slots=True, eq=False, repr=False)
