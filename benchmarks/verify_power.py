@@ -38,9 +38,14 @@ FALSE_ALARMS = 1e-3
 # The rig's own pose, intrinsics and planes are exact here, so that the statistic is that of the points alone.
 EXACT = VerifyOptions(
     FALSE_ALARMS,
-    rig_sigma_rotation_deg=1e-6,
-    rig_sigma_translation_deg=1e-6,
-    estimate=RecalibrateOptions(focal_sigma=0.0, principal_point_sigma_px=0.0, flatness_sigma=0.0),
+    RecalibrateOptions(
+        focal_sigma=1e-9,
+        principal_point_sigma_px=1e-6,
+        k1_sigma=1e-9,
+        flatness_sigma=1e-9,
+        rig_sigma_rotation_deg=1e-6,
+        rig_sigma_translation_deg=1e-6,
+    ),
 )
 
 

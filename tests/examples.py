@@ -36,7 +36,7 @@ def examples() -> dict[str, object]:
         card=Card("blocks", count, count, {}, 0.5),
     )
     accepted = retrue.recalibrate(bumped(RIG, [0, 3, 0], [0, 1, 0]), [points])
-    refused = retrue.recalibrate(bumped(RIG, [0, 60, 0], [0, 50, 0]), [points])
+    refused = retrue.recalibrate(bumped(RIG, [0, 30, 0], [0, 0, 60]), [capture(Scene(), area=(0.45, 0.65, 0.45, 0.65))])
     assert isinstance(accepted, retrue.Accepted), accepted
     assert isinstance(refused, retrue.Refused), refused
     cloud = retrue.with_normals(retrue.reconstruct(RIG, points, retrue.ReconstructOptions(keep_strays=True)))

@@ -31,11 +31,13 @@ class Bound:
     pose : (2,) degrees, of rotation and direction of t, with lenses as well known as their calibration says.
     lens : (2, 4) of the camera's and the projector's focal length (relative), principal point and k1, if all are free.
     against : by how many sigma the matches contradict the lenses that were handed in (root of the likelihood ratio).
+    error : of the points themselves, measured with that pose, as a share of their distance.
     """
 
     pose: Array
     lens: Array
     against: float = 0.0
+    error: float = np.inf
 
 
 def bound(rig: Rig, captures: Sequence[Capture], prior: Prior, told: Rig | None = None) -> Bound:
@@ -51,7 +53,29 @@ def bound(rig: Rig, captures: Sequence[Capture], prior: Prior, told: Rig | None 
         np.degrees(np.sqrt(parts)),
         np.sqrt(np.diag(free)[POSE:]).reshape(2, 4),
         _against(rig, told or rig, total, prior),
+        _error(rig, captures, pose[:POSE, :POSE]),
     )
+
+
+def _error(rig: Rig, captures: Sequence[Capture], covariance: Array) -> float:
+    """How far points lie from where they are, one sigma, RMS: a wrong pose moves them along the camera's rays."""
+    if not np.isfinite(covariance).all():
+        return np.inf
+    length = np.linalg.norm(rig.t)
+    rig = replace(rig, t=rig.t / length)
+    points = np.concatenate([capture.points[capture.right] for capture in captures]) / length
+    points = points[:: max(1, len(points) // MOST_POINTS)]
+    x, y = points / points[:, 2:], rig.in_projector(points)
+    values, vectors = np.linalg.eigh(covariance)
+    total = np.zeros(len(points))
+    for value, vector in zip(values, vectors.T, strict=True):
+        moved = rig
+        for k, part in enumerate(np.sqrt(max(value, 0.0)) * vector):
+            moved = _changed(moved, k, part)
+        across = np.cross(x @ moved.R.T, y)
+        depth = -(across * np.cross(moved.t, y)).sum(axis=1) / (across**2).sum(axis=1)
+        total += (depth / points[:, 2] - 1) ** 2
+    return float(np.sqrt(total.mean()))
 
 
 def _against(rig: Rig, told: Rig, total: Array, prior: Prior) -> float:

@@ -61,11 +61,7 @@ def failed(kind: Kind, outcome: Outcome) -> bool:
 
 def within_limits(outcome: Outcome) -> bool:
     """Whether the points could tell the pose to what `retrue` asks for."""
-    limits = retrue.RecalibrateOptions()
-    most = [
-        getattr(limits, f"max_sigma_{name}_deg", default) for name, default in (("rotation", 1), ("translation", 3))
-    ]
-    return outcome.at_best is not None and bool((outcome.at_best.pose <= most).all())
+    return outcome.at_best is not None and bool(outcome.at_best.error <= retrue.RecalibrateOptions().max_error)
 
 
 def mean(values: Sequence[Any], form: str = "{:.2f}", of: Any = np.mean) -> str:
@@ -81,7 +77,7 @@ def pose_row(outcomes: list[Outcome]) -> list[str]:
     lens = Counter(o.lens for o in outcomes)
     sure = [o for o in outcomes if o.verdict == "wrong" and o.lens in ("checked", "changed")]
     owed = [o for o in outcomes if o.at_best and o.at_best.against > LENS_SIGMAS]
-    paid = [o for o in owed if o.lens == "changed" or o.verdict in ANSWERED or "FocalLengthChanged" in o.reason]
+    paid = [o for o in owed if o.lens == "changed" or o.verdict in ANSWERED or "LensChanged" in o.reason]
     lazy = [o for o in outcomes if o.lens == "unchecked" and o.at_best and (o.at_best.lens[:, 0] < KNOWN_FOCAL).all()]
     tell = [o for o in outcomes if within_limits(o)]
     kept = [o for o in tell if o.verdict in ANSWERED]

@@ -1,5 +1,6 @@
 """The public names: each line is a name and its home, and nothing else, for `__init__.py` reads them here."""
 
+from retrue.answers import Reason as Reason
 from retrue.cad.make_cad import make_cad as make_cad
 from retrue.cad.model import CadModel as CadModel
 from retrue.cad.options import CadOptions as CadOptions
@@ -64,7 +65,7 @@ from retrue.patterns.color_grid import make_color_grid as make_color_grid
 from retrue.patterns.gray_code import GrayCode as GrayCode
 from retrue.recalibration.options import KnownDistance as KnownDistance
 from retrue.recalibration.options import RecalibrateOptions as RecalibrateOptions
-from retrue.recalibration.reasons import Reason as Reason
+from retrue.recalibration.options import VerifyOptions as VerifyOptions
 from retrue.recalibration.recalibrate import recalibrate as recalibrate
 from retrue.recalibration.result import Accepted as Accepted
 from retrue.recalibration.result import Evidence as Evidence
@@ -73,7 +74,6 @@ from retrue.recalibration.result import PoseChange as PoseChange
 from retrue.recalibration.result import PoseSigma as PoseSigma
 from retrue.recalibration.result import Refused as Refused
 from retrue.recalibration.result import Verification as Verification
-from retrue.recalibration.verify import VerifyOptions as VerifyOptions
 from retrue.recalibration.verify import verify as verify
 from retrue.reconstruction.cloud import Cloud as Cloud
 from retrue.reconstruction.cloud import Mesh as Mesh

@@ -62,7 +62,7 @@ def write_page(path: Path, page: Page, command: str) -> None:
     made = datetime.now(UTC).isoformat(sep=" ", timespec="seconds")
     html = page_html(page, Provenance(command, made, _versions()))
     with replaced_file(path) as stream:
-        stream.write(html.encode())
+        stream.write(html.encode(errors="backslashreplace"))  # names of files may be no text at all
 
 
 def _page(

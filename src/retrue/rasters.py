@@ -1,20 +1,27 @@
-"""Do picture, pattern and rig belong together? Their sizes tell, before any work."""
+"""Do picture, pattern and rig belong together? Their sizes tell, before any work, and on which side points are."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 
+from retrue.answers import Reason
 from retrue.correspondences import Correspondences
 from retrue.errors import CaptureError
+from retrue.geometry.arrays import FloatArray
+from retrue.geometry.nearest import nearest_of_all
 from retrue.rig import Rig
 
 Size = tuple[int, int]
 """(width, height)."""
 
 MOST_BINNED = 8
+MOST_MIRRORED = 0.8
+MOST_CORNERS = 1000
+FEWEST_TRIANGLES = 12
 MOST_OUTSIDE = 0.01
 """Share of the points that may lie beyond the rig's picture where nobody said of which one they are."""
 
@@ -92,6 +99,47 @@ def check_pattern(rig: Rig, size: Size, name: str | Path) -> None:
             f"the pattern is for a projector of {_text(size)}, the rig's is {_text(rig.projector.size)}: "
             "pattern for another projector; show one of the rig's size, pixel for pixel",
         )
+
+
+@dataclass(frozen=True, slots=True)
+class PictureMirrored(Reason):
+    """The projector's picture is turned over, as no surface shows it that both devices see from one side."""
+
+    share: float
+
+    def __str__(self) -> str:
+        return (
+            f"the projector's picture is mirrored: {self.share:.0%} of neighbouring points run the other way round"
+            " (rear projection, a ceiling setting, or all seen in a mirror?); switch it off"
+        )
+
+
+def picture_mirrored(captures: Sequence[Correspondences]) -> PictureMirrored | None:
+    """The reason where most of the points are mirrored; None where they are not.
+
+    Three points of a surface run the same way round in both devices, which see it from the same side: the triangle
+    of a point and its two nearest neighbours keeps its sign, but for noise and across depth jumps.
+    """
+    kept, seen = 0, 0
+    for points in captures:
+        areas = _areas(points)
+        kept += int(np.count_nonzero(areas > 0))
+        seen += int(np.count_nonzero(areas))
+    share = 1 - kept / seen if seen >= FEWEST_TRIANGLES else 0.0
+    return PictureMirrored(share) if share > MOST_MIRRORED else None
+
+
+def _areas(points: Correspondences) -> FloatArray:
+    """Of some triangles in the camera times that in the projector: positive where both run the same way round."""
+    if len(points) < 3:
+        return np.empty(0)
+    few = points.select(np.linspace(0, len(points) - 1, min(len(points), MOST_CORNERS)).astype(np.int64))
+    _, rows = nearest_of_all(few.camera_px, few.camera_px, 3)
+    areas = [
+        (b - a)[:, 0] * (c - a)[:, 1] - (b - a)[:, 1] * (c - a)[:, 0]
+        for a, b, c in (np.moveaxis(pixels[rows], 1, 0) for pixels in (few.camera_px, few.projector_px))
+    ]
+    return areas[0] * areas[1]
 
 
 def check_alike(captures: Sequence[tuple[str, Size]]) -> None:

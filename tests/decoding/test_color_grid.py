@@ -262,11 +262,21 @@ def noise(shape: tuple[int, ...]) -> np.ndarray:
     return np.random.default_rng(0).integers(0, 256, shape).astype(np.uint8)
 
 
+def line_grid(shape: tuple[int, ...]) -> np.ndarray:
+    """Coloured lines across and down on black, a little blurred."""
+    image = np.zeros(shape, np.uint8)
+    colors = np.random.default_rng(0).choice([0, 255], (200, 3)) | np.array([0, 120, 0])
+    for index, start in enumerate(range(5, max(shape) - 6, 14)):
+        image[start : start + 4] = np.maximum(image[start : start + 4], colors[index % 200])
+        image[:, start : start + 4] = np.maximum(image[:, start : start + 4], colors[-index % 200])
+    return cv2.GaussianBlur(image, (0, 0), 1)
+
+
 @pytest.mark.parametrize(
     ("spoil", "advice"),
     [
-        (lambda image: image[:, ::-1], "not this pattern"),
-        (lambda image: image[::-1], "not this pattern"),
+        (lambda image: image[:, ::-1], "mirrored"),
+        (lambda image: image[::-1], "mirrored"),
         (lambda image: image[..., ::-1], "not this pattern"),
         (lambda image: image.max(axis=2), "not a colour picture"),
         (lambda image: np.repeat(image[..., :1], 3, axis=2), "not a colour picture"),
@@ -277,8 +287,9 @@ def noise(shape: tuple[int, ...]) -> np.ndarray:
         (lambda image: cv2.resize(image, None, fx=0.2, fy=0.2, interpolation=cv2.INTER_AREA), "5 px"),
         (lambda image: noise(image.shape), "no grid"),
         (lambda image: image[:4, :6], "no grid"),
+        (lambda image: line_grid(image.shape), "a grid of lines"),
     ],
-    ids=["mirror", "flip", "bgr", "grey", "one", "black", "dark", "white", "blur", "small", "noise", "tiny"],
+    ids=["mirror", "flip", "bgr", "grey", "one", "black", "dark", "white", "blur", "small", "noise", "tiny", "lines"],
 )
 def test_anything_else_gives_nothing_and_says_why(plain, spoil, advice):
     points = decode_color_grid(GRID, np.ascontiguousarray(spoil(plain)))

@@ -83,6 +83,9 @@ def test_the_rig_is_right_within_its_sigmas(retrue, captures, tmp_path):
     run = retrue("calibrate", *sorted(captures.glob("pose_*")), *options)
     assert run.status == 0, run.json["reason"]
     assert len(run.json["views"]) == POSES
+    check = run.json["check"]
+    assert [each["verdict"] for each in check] == ["good"] * POSES, check
+    assert all(set(each) == {"name", "verdict", "cause", "reason"} for each in check)
     found, sigma = read_rig(tmp_path / "rig.json"), run.json["sigma"]
     z = []
     for device in ("camera", "projector"):

@@ -5,14 +5,15 @@ import subprocess
 import sys
 from pathlib import Path
 
+import cv2
 import numpy as np
 import pytest
 
-from retrue import read_pattern, read_points, read_rig
+from retrue import Correspondences, read_pattern, read_points, read_rig, write_points
 from retrue.files.ply import read_ply
 from retrue.geometry.transform import direction_angle, rotation_angle
 
-from .conftest import TRUE, names
+from .conftest import TRUE, names, wall_and_box
 
 COMMANDS = ["demo", "pattern", "decode", "recalibrate", "verify", "reconstruct", "watch", "history", "rollback", "diff"]
 DEMO = Path(__file__).parents[2] / "src" / "retrue" / "demo_data"
@@ -214,3 +215,69 @@ def test_options_reach_the_job(retrue, files):
 def test_json_has_no_nan(retrue, files):
     run = retrue("verify", files.rig, files.points, "--json")
     json.loads(run.out, parse_constant=lambda constant: pytest.fail(f"{constant} in JSON"))
+
+
+@pytest.mark.parametrize("command", ["recalibrate", "verify"])
+def test_a_word_on_the_lenses(retrue, files, command):
+    out = ["--out", files.folder / "new.json"] if command == "recalibrate" else []
+    run = retrue(command, files.before, files.points, *out, "--lens", "fixed")
+    assert run.out.startswith(
+        "accepted, on your word that nobody touched the lenses: "
+        if out
+        else "recalibrate: the capture supports another"
+    )
+    retrue(command, files.before, files.points, *out, "--lens", "mended").require_complaint("--lens", "mended")
+
+
+def test_json_tells_of_lenses_and_rivals(retrue, files):
+    report = retrue("recalibrate", files.before, files.points, "--out", files.folder / "new.json", "--json").json
+    assert report["lens"] == report["lenses"]["verdict"] == "unchecked"
+    assert [len(report["lenses"][key]) for key in ("focal_change", "focal_sigma")] == [2, 2]
+    assert len(report["rivals"]) == len(report["candidates"]) - 1 > 0
+    for rival in report["rivals"]:
+        assert rival["margin"] == pytest.approx(rival["points"] + rival["light"] + rival["move"])
+
+
+def test_a_mirrored_capture_is_named_by_every_command_and_writes_nothing(retrue, files):
+    seen = wall_and_box()
+    write_points(files.points, Correspondences(seen.camera_px, [1023, 0] + seen.projector_px * [-1, 1]))
+    out = files.folder / "out.ply"
+    for command, to in {"recalibrate": ("--out", out), "verify": (), "reconstruct": ("--out", out)}.items():
+        run = retrue(command, files.rig, files.points, *to, "--json")
+        assert (run.status, run.json["cause"]) == (1, "PictureMirrored"), run
+        assert "mirrored" in run.json["reason"]
+    assert not out.exists()
+
+
+def test_rays_that_miss_each_other_write_no_cloud(retrue, files):
+    rng = np.random.default_rng(0)
+    write_points(files.points, Correspondences(rng.uniform(100, 900, (9, 2)), rng.uniform(100, 700, (9, 2))))
+    cloud = files.folder / "cloud.ply"
+    run = retrue("reconstruct", files.rig, files.points, "--out", cloud, "--json")
+    assert (run.status, run.json["verdict"], run.json["cause"]) == (1, "drifted", "RaysMiss")
+    assert not cloud.exists()
+    assert retrue("reconstruct", files.rig, files.points, "--out", cloud, "--anyway").status == 0
+
+
+def test_what_the_decoder_sees_reaches_every_command(retrue, tmp_path):
+    grey = tmp_path / "grey.png"
+    picture = cv2.imread(str(DEMO / "scene.jpg"), cv2.IMREAD_GRAYSCALE)
+    cv2.imwrite(str(grey), np.repeat(picture[..., None], 3, axis=2))
+    pattern, out = ("--pattern", DEMO / "pattern.json"), tmp_path / "out.ply"
+    for command, to in {"recalibrate": ("--out", out), "verify": (), "reconstruct": ("--out", out)}.items():
+        run = retrue(command, DEMO / "rig_true.json", grey, *pattern, *to, "--json")
+        assert (run.status, run.json["cause"]) == (1, "TooFewPoints"), run
+        assert run.json["reason"].endswith("not a colour picture")
+        assert run.json["advice"] == ["grey.png: not a colour picture"]
+    assert not out.exists()
+
+
+def test_reconstruct_refuses_a_capture_that_contradicts_the_rig(retrue, files):
+    cloud = files.folder / "cloud.ply"
+    run = retrue("reconstruct", files.before, files.points, "--out", cloud, "--json")
+    assert (run.status, run.json["verdict"], run.json["out"]) == (1, "drifted", None)
+    assert not cloud.exists()
+    assert "--anyway" in retrue("reconstruct", files.before, files.points, "--out", cloud).out
+    assert retrue("reconstruct", files.before, files.points, "--out", cloud, "--anyway").status == 0
+    assert cloud.exists()
+    assert retrue("reconstruct", files.rig, files.points, "--out", cloud, "--json").json["verdict"] == "good"

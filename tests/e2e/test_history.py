@@ -13,7 +13,7 @@ from .conftest import TRUE, names
 
 
 def in_place(retrue, files):
-    run = retrue("recalibrate", files.before, files.points, "--in-place", "--json")
+    run = retrue("recalibrate", files.before, files.points, "--in-place", "--lens", "fixed", "--json")
     assert run.status == 0
     return run.json
 
@@ -35,9 +35,32 @@ def test_in_place_writes_the_rig_and_keeps_the_old_one(retrue, files):
 def test_a_refusal_never_overwrites(retrue, files):
     files.points.write_text("".join(files.points.read_text().splitlines(keepends=True)[:5]))
     before = files.before.read_bytes()
-    assert retrue("recalibrate", files.before, files.points, "--in-place").status == 1
+    assert retrue("recalibrate", files.before, files.points, "--in-place", "--lens", "fixed").status == 1
     assert files.before.read_bytes() == before
     assert names(files.folder) == ["before.json", "points.csv", "rig.json"]
+
+
+def test_in_place_needs_a_word_where_nothing_checks_the_lenses(retrue, files):
+    before = files.before.read_bytes()
+    run = retrue("recalibrate", files.before, files.points, "--in-place", "--json")
+    assert (run.status, run.json["verdict"], run.json["cause"]) == (1, "refused", "LensUnchecked")
+    assert run.json["projector_from_camera"] is None
+    assert "--lens fixed" in run.json["reason"]
+    assert files.before.read_bytes() == before
+    assert names(files.folder) == ["before.json", "points.csv", "rig.json"]
+
+
+def test_a_rig_that_holds_is_left_alone(retrue, files):
+    before = files.rig.read_bytes()
+    run = retrue("recalibrate", files.rig, files.points, "--in-place")
+    assert run.status == 0
+    assert run.out.startswith("unchanged, if nobody touched the lenses: ")
+    assert "nothing was written" in run.out
+    assert files.rig.read_bytes() == before
+    assert names(files.folder) == ["before.json", "points.csv", "rig.json"]
+    new = files.folder / "new.json"
+    assert retrue("recalibrate", files.rig, files.points, "--out", new, "--json").json["verdict"] == "unchanged"
+    assert np.array_equal(read_rig(new).projector_from_camera.R, read_rig(files.rig).projector_from_camera.R)
 
 
 @pytest.mark.parametrize("out", [[], ["--in-place", "--out", "new.json"]])

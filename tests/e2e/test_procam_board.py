@@ -87,11 +87,12 @@ def test_the_board_alone_needs_the_prior(rig: retrue.Rig, captures: list[retrue.
         rotation, translation = off_by_deg(result.rig, rig)
         assert rotation < 0.55
         assert translation < 1.5
-        first, second = (candidate.projector_from_camera.t for candidate in result.evidence.candidates)
-        between = retrue.RigidTransform(rig.projector_from_camera.R, first + second)
+        answer, *others = (candidate.projector_from_camera.t for candidate in result.evidence.candidates)
+        twin = max(others, key=lambda t: direction_angle(t, answer))
+        between = retrue.RigidTransform(rig.projector_from_camera.R, answer + twin)
         refused = retrue.recalibrate(retrue.Rig(rig.camera, rig.projector, between, rig.unit), [board])
         assert isinstance(refused, retrue.Refused)
-        assert len(refused.evidence.candidates) == 2
+        assert len(refused.evidence.candidates) >= 2
 
 
 def test_verify_says_good_and_finds_half_a_degree_about_any_axis(

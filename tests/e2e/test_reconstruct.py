@@ -101,4 +101,4 @@ def test_a_unit_without_a_length_stays_in_formats_without_a_unit(retrue: Retrue,
 def test_too_few_points_for_a_mesh(retrue: Retrue, files: Files, rows: int) -> None:
     write_points(files.points, Correspondences(np.full((rows, 2), 600.0), np.full((rows, 2), 500.0)))
     to = ("--out", files.folder / "cloud.ply", "--mesh", files.folder / "mesh.ply")
-    retrue("reconstruct", files.rig, files.points, *to).require_complaint("points")
+    retrue("reconstruct", files.rig, files.points, *to, "--anyway").require_complaint("points")

@@ -36,7 +36,7 @@ def test_recalibrate(retrue, files, page):
     assert run.status == 0
     assert f"{page}: report written" in run.out
     said = words(page)
-    assert "Accepted The projector has turned by 5.0" in said
+    assert "Accepted If nobody touched the lenses, the projector has turned by 5.0" in said
     assert "600 correspondences in points.csv" in said
     assert f"retrue recalibrate {files.before} {files.points} --out" in said
     assert re.search(r"Python 3\.\d+.* retrue 0\.", said)
@@ -57,11 +57,11 @@ def test_a_refusal_is_shown_too(retrue, files, page):
     assert "200 correspondences" in said
 
 
-@pytest.mark.parametrize(("rig", "verdict"), [("rig", "Good"), ("before", "Drifted")])
-def test_verify(retrue, files, page, rig, verdict):
+@pytest.mark.parametrize(("rig", "verdict", "band"), [("rig", "good", "Holds"), ("before", "drifted", "Recalibrate")])
+def test_verify(retrue, files, page, rig, verdict, band):
     run = retrue("verify", getattr(files, rig), files.points, "--report", page, "--json")
-    assert run.json["verdict"] == verdict.lower()
-    assert f"retrue verify {verdict} The capture supports" in words(page)
+    assert run.json["verdict"] == verdict
+    assert f"retrue verify {band} The capture supports" in words(page)
 
 
 def test_each_picture_is_read_once(retrue, page, tmp_path, monkeypatch):

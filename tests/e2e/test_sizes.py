@@ -81,7 +81,8 @@ def test_points_that_tell_another_size(retrue, files, job, name, size, said):
 
 def test_points_that_tell_the_rigs_own_sizes(retrue, files):
     write_points(files.points, replace(wall_and_box(), **TOLD))
-    assert retrue(*command_on(files, "reconstruct", files.points)).status == 0
+    run = retrue("reconstruct", files.rig, files.points, "--out", files.folder / "out.ply")
+    assert run.status == 0, run
 
 
 @pytest.mark.parametrize("job", JOBS)

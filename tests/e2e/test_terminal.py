@@ -151,7 +151,7 @@ def test_a_name_that_the_terminal_cannot_print_fails_nothing(files):
     for path in (files.before, files.points):
         path.rename(folder / path.name)
     script = "import sys; from retrue.cli.main import main; sys.exit(main(sys.argv[1:]))"
-    words = ["recalibrate", str(folder / "before.json"), str(folder / "points.csv"), "--in-place"]
+    words = ["recalibrate", str(folder / "before.json"), str(folder / "points.csv"), "--in-place", "--lens", "fixed"]
     environment = {**os.environ, "PYTHONIOENCODING": "cp1252"}
     done = subprocess.run([sys.executable, "-c", script, *words], capture_output=True, env=environment, check=False)
     assert done.returncode == 0, done.stderr

@@ -33,6 +33,8 @@ def test_table_and_figure_are_written(tmp_path: Path, capsys: pytest.CaptureFixt
         (["noise", "--trials", "0"], "at least 1"),
         (["other"], "other"),
         (["noise", "--ours-only"], "--ours-only"),
+        (["light", "wall.csv"], "--rig"),
+        (["noise", "wall.csv"], "no captures"),
     ],
 )
 def test_what_it_cannot_run_is_refused_in_one_line(

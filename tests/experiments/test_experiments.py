@@ -9,12 +9,14 @@ import pytest
 
 from retrue.experiments.against_peers import SETUPS, WHOLE_JOB, Cell, peers
 from retrue.experiments.ambiguity import ambiguity
+from retrue.experiments.light import light, light_of_captures
 from retrue.experiments.noise import FITS, SOLVERS, noise
 from retrue.experiments.real import real
 from retrue.experiments.study import Table
 from retrue.experiments.trials import run_trials
 from retrue.experiments.twin import Cell as TwinCell
 from retrue.experiments.twin import all_cells, twin
+from retrue.experiments.walls import Wall
 from retrue.files.captures import read_capture
 from retrue.files.patterns import read_pattern
 from retrue.files.rigs import read_rig
@@ -124,3 +126,25 @@ def test_real_captures_give_the_pose_of_the_static_calibration() -> None:
     table = real(read_rig(DATA / "rig.json"), captures).table.where(method=WHOLE_JOB)
     assert numbers(table, "rotation_deg", points_from="all points")[0] < 0.1
     assert numbers(table, "translation_deg", points_from="all points")[0] < 0.25
+
+
+def test_light_tells_the_twins_of_a_bare_wall_apart() -> None:
+    study = light(12, seed=1, walls=[Wall("plain paint", 0.6), Wall("bold print", 0.6, print=1.2)], workers=1)
+    assert (numbers(study.table, "wrong") == 0).all()
+    assert (numbers(study.table, "right_%") > numbers(study.table, "right_in_the_dark_%") + 40).all()
+    assert (numbers(study.table, "nats") > [7, 0]).all()
+    measured, truth, twin = (np.array(line.y) for line in study.panels[0].lines)
+    assert np.abs(np.log(measured / truth)).max() < 0.15
+    assert np.abs(np.log(measured / twin)).max() > 0.3
+
+
+def test_light_on_the_planes_of_a_real_capture() -> None:
+    if not DATA.is_dir():
+        pytest.skip(f"no captures at {DATA}")
+    captures = {"capture_0": read_capture(DATA / "capture_0", read_pattern(DATA / "pattern.json"))}
+    table = light_of_captures(read_rig(DATA / "rig.json"), captures, seed=2).table
+    assert len(table.rows) >= 2
+    answered = table.where(answer="accepted")
+    assert len(answered.rows) >= 1
+    assert (numbers(answered, "rotation_deg") < 1).all()
+    assert (3 * numbers(table, "answer_misses") < numbers(table, "rival_misses")).all()

@@ -157,3 +157,10 @@ def test_nothing_is_an_error(tmp_path, ending):
 def test_another_ending_is_an_error(tmp_path):
     with pytest.raises(FileError, match="expected a cloud or mesh that ends in"):
         read_model(tmp_path / "scene.fbx", "mm")
+
+
+def test_vertices_of_two_numbers_are_no_points_in_space(tmp_path):
+    path = tmp_path / "flat.obj"
+    path.write_text("v 1 2\nv 3 4\nv 5 6\nf 1 2 3\n", encoding="ascii")
+    with pytest.raises(FileError, match=r"flat\.obj: expected vertices of three numbers, found 2"):
+        read_model(path, "m")

@@ -12,6 +12,7 @@ import pytest
 
 from retrue.decoding.blocks import blobs, centres, colors, growth, holders, islands, links, places, surface
 from retrue.decoding.blocks.decode_color_grid import inspect_color_grid
+from retrue.geometry import nearest
 from retrue.patterns.color_grid import make_color_grid
 from tests.kernels.plain import SOURCES, plain
 
@@ -62,7 +63,7 @@ def test_every_kernel_says_the_same_uncompiled(
     expected = inspect_color_grid(grid, picture)
     assert (expected.holder >= 0).sum() > 60
     called: set[str] = set()
-    for module in (blobs, centres, colors, growth, holders, islands, links, places, surface):
+    for module in (blobs, centres, colors, growth, holders, islands, links, nearest, places, surface):
         for name in ("kernel", "link_kernel"):
             if hasattr(module, name):
                 monkeypatch.setattr(module, name, Checked(getattr(module, name), called))

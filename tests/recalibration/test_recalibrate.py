@@ -12,6 +12,7 @@ from retrue.errors import InputError
 from retrue.geometry.transform import direction_angle, rotation_angle, vector_from_rotation
 from retrue.geometry.two_view import tangent_basis
 from retrue.recalibration.options import KnownDistance, RecalibrateOptions
+from retrue.recalibration.reasons import RivalUnbeaten
 from retrue.recalibration.recalibrate import recalibrate
 from retrue.recalibration.result import Accepted, Refused
 from retrue.rig import Rig
@@ -47,7 +48,7 @@ def test_one_capture_of_a_scene_with_relief_resolves_the_twin_from_any_prior(sce
         rotation, translation = errors_deg(result.rig)
         assert rotation < 0.03
         assert translation < 0.10
-        assert "points off the plane" in result.reason
+        assert "resolved by points" in result.reason
         assert np.linalg.norm(result.rig.projector_from_camera.t) == pytest.approx(
             np.linalg.norm(old.projector_from_camera.t)
         )
@@ -55,11 +56,12 @@ def test_one_capture_of_a_scene_with_relief_resolves_the_twin_from_any_prior(sce
 
 def test_a_bare_wall_is_resolved_by_the_old_direction_of_t() -> None:
     for seed in range(3):
-        result = accepted(recalibrate(NEAR, [capture(Scene(), area=SMALL, grid=(80, 60), seed=seed)]))
+        flat = RecalibrateOptions(flatness_sigma=1e-5)  # as these walls are
+        result = accepted(recalibrate(NEAR, [capture(Scene(), area=SMALL, grid=(80, 60), seed=seed)], flat))
         rotation, translation = errors_deg(result.rig)
         assert rotation < 0.08
         assert translation < 0.25
-        assert "old direction of t" in result.reason
+        assert "the old pose" in result.reason
         assert [candidate.chosen for candidate in result.evidence.candidates].count(True) == 1
 
 
@@ -69,18 +71,23 @@ def test_a_bare_wall_that_fills_the_picture_is_resolved_by_what_lies_behind() ->
         rotation, translation = errors_deg(result.rig)
         assert rotation < 0.08
         assert translation < 0.25
-        assert "cheirality" in result.reason
+        assert "resolved by points" in result.reason
 
 
 def test_a_bare_wall_with_a_prior_between_the_twins_is_refused_and_shows_both() -> None:
     points = capture(Scene(), area=SMALL)
-    first, second = (c.projector_from_camera for c in recalibrate(RIG, [points]).evidence.candidates)
+    first, second = (c.projector_from_camera for c in recalibrate(RIG, [points]).evidence.candidates[:2])
     between = Rig(CAMERA, PROJECTOR, type(POSE)(POSE.R, first.t + second.t), "m")
     result = recalibrate(between, [points])
     assert isinstance(result, Refused)
-    assert len(result.evidence.candidates) == 2
-    assert not any(candidate.chosen for candidate in result.evidence.candidates)
-    assert min(rotation_angle(c.projector_from_camera.R @ POSE.R.T) for c in result.evidence.candidates) < 1e-3
+    assert isinstance(result.cause, RivalUnbeaten)
+    assert min(rival.margin for rival in result.evidence.rivals) < 7
+    assert result.evidence.sigma is not None
+    sigma = result.evidence.sigma.rotation_deg, result.evidence.sigma.translation_deg
+    errors = [
+        errors_deg(replace(RIG, projector_from_camera=c.projector_from_camera)) for c in result.evidence.candidates
+    ]
+    assert any(rotation < 3 * sigma[0] and translation < 3 * sigma[1] for rotation, translation in errors)
 
 
 def test_walls_at_two_places_resolve_the_twin_jointly() -> None:
@@ -89,7 +96,7 @@ def test_walls_at_two_places_resolve_the_twin_jointly() -> None:
     rotation, translation = errors_deg(result.rig)
     assert rotation < 0.02
     assert translation < 0.05
-    assert "points off the plane" in result.reason
+    assert "resolved by points" in result.reason
 
 
 def test_a_rectified_pair_and_a_projector_behind_the_camera_work() -> None:
@@ -105,13 +112,13 @@ def test_sigma_is_honest() -> None:
     """The normalised error squared has mean 5: neither boasting nor modest."""
     normalised = []
     for seed in range(60):
-        result = accepted(recalibrate(RIG, [capture(Scene(spheres=[SPHERE]), grid=(26, 20), seed=seed)]))
+        result = accepted(recalibrate(FAR, [capture(Scene(spheres=[SPHERE]), grid=(26, 20), seed=seed)]))
         pose = result.rig.projector_from_camera
         direction = pose.t / np.linalg.norm(pose.t)
         error = np.r_[
             vector_from_rotation(pose.R @ POSE.R.T), tangent_basis(direction).T @ -(POSE.t / np.linalg.norm(POSE.t))
         ]
-        covariance = np.array(result.evidence.details["covariance"])
+        covariance = np.array(result.evidence.details["covariance_statistical"])  # the lenses are exact here
         normalised.append(error @ np.linalg.solve(covariance, error))
     assert np.mean(normalised) == pytest.approx(5, abs=4 * np.sqrt(2 * 5 / 60))
 
@@ -133,21 +140,15 @@ def test_a_known_distance_gives_the_scale() -> None:
         recalibrate(FAR, [points], RecalibrateOptions(known_distance=outside))
 
 
-def random_points(rng: np.random.Generator) -> Correspondences:
-    points = np.c_[rng.uniform(-0.4, 0.4, (2000, 2)), rng.uniform(1.2, 2, 2000)]
-    return Correspondences(CAMERA.project(points), PROJECTOR.project(POSE.apply(points)))
-
-
 def junk(rng: np.random.Generator) -> Correspondences:
     return Correspondences(rng.uniform(0, 900, (2000, 2)), rng.uniform(0, 700, (2000, 2)))
 
 
-def test_what_holds_no_plane_or_no_pose_is_refused_with_a_reason() -> None:
+def test_what_holds_no_pose_is_refused_with_a_reason() -> None:
     rng = np.random.default_rng(0)
     line = np.stack([np.linspace(100, 900, 50), np.linspace(100, 700, 50)], axis=1)
     cases = {
-        "no plane": random_points(rng),
-        "no plane|agree with one pose": junk(rng),
+        "agree with one pose|do not determine it": junk(rng),
         "at least 12 correspondences, found 3": capture(Scene()).select(np.array([0, 100, 500])),
         "on one line": Correspondences(line, line),
         "at one place": Correspondences(np.full((50, 2), 300.0), np.full((50, 2), 200.0)),
@@ -173,9 +174,53 @@ def test_the_same_points_give_the_same_answer() -> None:
     assert np.array_equal(first.t, second.t)
 
 
+def test_a_ball_without_any_plane_is_answered_within_its_sigma() -> None:
+    ball = Scene(planes=[], spheres=[(np.array([0.0, 0.0, 1.3]), 0.35)])
+    result = accepted(recalibrate(NEAR, [capture(ball)]))
+    assert result.evidence.sigma is not None
+    for error, sigma in zip(
+        errors_deg(result.rig), (result.evidence.sigma.rotation_deg, result.evidence.sigma.translation_deg), strict=True
+    ):
+        assert error < 3 * sigma
+
+
+def test_a_shifted_copy_of_two_fifths_is_set_aside_and_counted() -> None:
+    points = capture(SCENES["corner"])
+    copied = np.random.default_rng(0).random(len(points)) < 0.4
+    shifted = Correspondences(points.camera_px, points.projector_px + np.where(copied, 60.0, 0.0)[:, None] * [1, 0.3])
+    result = accepted(recalibrate(NEAR, [shifted]))
+    rotation, translation = errors_deg(result.rig)
+    assert rotation < 0.1
+    assert translation < 0.3
+    assert result.evidence.details["points_of_another_pose"] > 0.5 * copied.sum()
+
+
+def test_a_rig_that_holds_and_is_known_better_is_kept() -> None:
+    known = replace(RIG, evidence={"covariance": (np.eye(5) * np.radians(1e-3) ** 2).tolist()})
+    result = accepted(recalibrate(known, [capture(SCENES["corner"])]))
+    assert result.unchanged
+    assert result.verdict == "unchanged"
+    assert result.rig == known
+    moved = accepted(recalibrate(replace(bumped(RIG, [0, 1, 0], [0, 0, 0]), evidence=known.evidence), [
+        capture(SCENES["corner"])]))  # fmt: skip
+    assert not moved.unchanged
+    assert errors_deg(moved.rig)[0] < 0.1
+
+
+def test_a_lens_that_is_a_tenth_off_is_called_changed_and_found() -> None:
+    camera = replace(CAMERA, K=CAMERA.K * [[1.1, 1, 1], [1, 1.1, 1], [1, 1, 1]])
+    points = capture(Scene(planes=[WALL, SIDE_WALL], spheres=[SPHERE]), rig=replace(RIG, camera=camera))
+    lenses = recalibrate(RIG, [points]).evidence.lenses
+    assert lenses is not None
+    assert lenses.verdict == "changed"
+    for found, true, sigma in zip(lenses.focal_change, (0.1, 0.0), lenses.focal_sigma, strict=True):
+        assert abs(np.log1p(found) - np.log1p(true)) < 3 * sigma
+
+
 def test_what_the_calibration_knows_of_the_lenses_stays_with_them() -> None:
-    known = np.diag(np.arange(1.0, 9.0)).tolist()
-    old = replace(FAR, evidence={"lens_covariance": known, "covariance": "of the old pose"})
+    known = np.diag(np.arange(1.0, 9.0) * np.tile([1e-7, 1e-2, 1e-2, 1e-7], 2)).tolist()
+    of_the_old_pose = (np.eye(5) * 1e-8).tolist()
+    old = replace(FAR, evidence={"lens_covariance": known, "covariance": of_the_old_pose})
     found = accepted(recalibrate(old, [capture(SCENES["corner"])])).rig.evidence
     assert found["lens_covariance"] == known
-    assert found["covariance"] != "of the old pose"
+    assert found["covariance"] != of_the_old_pose

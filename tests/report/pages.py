@@ -51,6 +51,12 @@ def accepted(name: str = "scene.png", unit: str = "m", out: str = "new.json") ->
     return recalibration_page(before, [capture], recalibrate(before, [capture.points]), out=out)
 
 
+def unchanged() -> Page:
+    """The rig has not moved, and knows its pose better than the captures do."""
+    rig = replace(RIG, evidence={"covariance": (1e-10 * np.eye(5)).tolist()})
+    return recalibration_page(rig, [seen()], recalibrate(rig, [seen().points]))
+
+
 def refused() -> Page:
     """A patch of a wall alone, and a rig file that could come from either of the two poses."""
     wall = Capture("patch.png", capture(Scene((WALL,)), area=(0.4, 0.6, 0.4, 0.6), grid=GRID), photograph())

@@ -5,18 +5,26 @@ from __future__ import annotations
 import json
 import re
 from collections.abc import Iterator
+from dataclasses import replace
 from html import unescape
 from html.parser import HTMLParser
 
 import numpy as np
 import pytest
 
+from retrue.capture import Capture
+from retrue.recalibration.light import log_irradiance
+from retrue.recalibration.recalibrate import recalibrate
+from retrue.recalibration.result import Evidence, PoseCandidate
+from retrue.report.evidence_tables import evidence_blocks
 from retrue.report.figures import embedded_picture, numbers, polyline
 from retrue.report.lengths import shown_unit
 from retrue.report.page import Chart, Page, Table, Tabs
+from retrue.report.recalibration_page import recalibration_page
 from retrue.report.residual_section import round_factor
+from tests.recalibration.scenes import RIG, WALL, Scene, bumped, capture
 
-from .pages import PAGES, PROVENANCE, accepted, html
+from .pages import PAGES, PROVENANCE, accepted, html, unchanged
 
 HOSTILE = "<script>alert(1)</script><img src=x onerror=alert(2)>&amp;'\".png"
 
@@ -93,34 +101,59 @@ def test_a_file_name_cannot_become_markup():
 def test_an_accepted_change(pages):
     words = text_of(html(pages["accepted"]))
     change = np.degrees(np.linalg.norm(np.radians([0, 2.0, 2.0])))  # 2.83
-    assert f"Accepted The projector has turned by {change:.2f}°" in words
+    assert f"Accepted If nobody touched the lenses, the projector has turned by {change:.2f}°" in words
     assert "and was written to new.json" in words
-    assert "Chosen pose Twin pose" in words
-    assert "points off the plane" in words
+    assert "Why this one It holds if nobody touched the lenses." in words
+    assert "Rival margin points light move 1: " in words
+    assert "Chosen pose Rival 1" in words
+    assert pages["accepted"].advice[0].startswith("Measure with new.json from now on")
     assert PROVENANCE.command in words
     assert "retrue 0.1.0" in words
     names = {trace["name"] for chart in charts(pages["accepted"]) for trace in chart.figure["data"] if "name" in trace}
-    assert {"points", "plane", "camera", "projector before", "projector after", "Twin pose"} <= names
+    assert {"points", "plane", "camera", "projector before", "projector after", "Rival 1"} <= names
 
 
 def test_a_refusal_says_what_to_do_and_still_shows_what_was_seen(pages):
     page = pages["refused"]
     assert (page.verdict, page.tone) == ("Refused", "warn")
-    assert page.sentence.startswith("Two poses explain the plane")
+    assert page.sentence.startswith("Another pose explains the captures as well")
     assert page.sentence.endswith("Nothing was written.")
     assert page.advice == ("Put an object or a second plane in view.",)
     names = {trace["name"] for chart in charts(page) for trace in chart.figure["data"] if "name" in trace}
-    assert {"Pose A", "Pose B", "points"} <= names
+    assert {"Rival 1", "points"} <= names
     few = pages["hardly_anything"]
     assert few.advice == ("Light more of the scene.",)
     assert "found 5" in few.sentence
 
 
+def test_a_rig_that_holds_says_so_and_asks_for_nothing():
+    page = unchanged()
+    assert (page.verdict, page.tone) == ("Unchanged", "good")
+    assert "the rig still holds" in page.sentence
+    assert "was kept" in page.sentence
+    assert "written" not in page.sentence
+    assert page.advice[0] == "Go on measuring: nothing has to be done."
+    assert "What the captures say" in text_of(html(page))
+
+
+def test_one_candidate_and_eight_fit_the_table():
+
+    def candidate(*, chosen: bool) -> PoseCandidate:
+        return PoseCandidate(RIG.projector_from_camera, (), 0.1, None, chosen)
+
+    for rivals in (0, 7):
+        candidates = (candidate(chosen=True), *(candidate(chosen=False) for _ in range(rivals)))
+        (table,) = evidence_blocks(RIG, Evidence(10, candidates), shown_unit("m"))
+        assert isinstance(table, Table)
+        assert table.head == ("", "Chosen pose", *(f"Rival {number}" for number in range(1, rivals + 1)))
+        assert all(len(row) == len(table.head) for row in table.rows)
+
+
 def test_verdicts_of_verify(pages):
-    assert (pages["good"].verdict, pages["good"].tone) == ("Good", "good")
+    assert (pages["good"].verdict, pages["good"].tone) == ("Holds", "good")
     assert (pages["drifted"].verdict, pages["drifted"].tone, pages["drifted"].advice) == (
-        "Drifted",
-        "warn",
+        "Recalibrate",
+        "bad",
         ("Recalibrate.",),
     )
     assert "first.png" in text_of(html(pages["good"]))
@@ -172,3 +205,23 @@ def test_photographs_are_made_small(shape):
     picture = np.random.default_rng(0).integers(0, 65536, shape).astype(np.uint16)
     assert embedded_picture(picture).startswith("data:image/jpeg;base64,")
     assert len(embedded_picture(np.full(shape, 200, dtype=np.uint8))) < 40_000
+
+
+def test_the_light_is_shown_as_measured_and_as_each_candidate_predicts_it():
+    seen = capture(Scene(), area=(0.1, 0.9, 0.1, 0.9), grid=(30, 24))
+    normal, distance = WALL
+    n = normal / np.linalg.norm(normal) / distance
+    y = RIG.projector.unproject(seen.projector_px)
+    lit = np.exp(log_irradiance(y, RIG.projector_from_camera.R, RIG.projector_from_camera.t, np.tile(n, (len(y), 1))))
+    points = replace(seen, light=lit)
+    result = recalibrate(bumped(RIG, [0, 2, 0], [0, 2, 0]), [points])
+    page = recalibration_page(RIG, [Capture("wall.png", points)], result)
+    (section,) = (section for section in page.sections if section.title == "In the projector's light")
+    (tabs,) = section.blocks
+    assert [name for name, _ in tabs.panels][:3] == ["Measured", "Chosen pose", "Rival 1"]
+    measured, chosen, rival = (np.array(chart.figure["data"][0]["customdata"]) for _, chart in tabs.panels[:3])
+    assert np.abs(np.log(measured / chosen)).max() < 0.05
+    if len(rival) == len(measured):
+        assert np.median(np.abs(np.log(measured / rival))) > 0.1
+    without = recalibration_page(RIG, [Capture("wall.png", seen)], result)
+    assert "In the projector's light" not in [section.title for section in without.sections]

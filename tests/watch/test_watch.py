@@ -13,7 +13,8 @@ import pytest
 from retrue.files.history import read_history, roll_back
 from retrue.files.rigs import read_rig, write_rig
 from retrue.geometry.transform import rotation_angle
-from retrue.recalibration.reasons import NoPlane
+from retrue.recalibration.reasons import LensUnchecked, PoseUndetermined
+from retrue.recalibration.recalibrate import recalibrate
 from retrue.recalibration.result import Accepted, Evidence, Refused
 from retrue.watch.events import EventLog
 from retrue.watch.options import WatchOptions
@@ -101,13 +102,34 @@ def test_frames_of_two_poses_are_not_mixed(folder):
 
 def test_what_is_refused_is_never_written(folder):
     before = (folder / "rig.json").read_bytes()
-    stages = replace(STAGES, recalibrate=lambda rig, captures: Refused(NoPlane(0), Evidence(0)))
+    stages = replace(STAGES, recalibrate=lambda rig, captures: Refused(PoseUndetermined("no plane"), Evidence(0)))
     watch = watching(folder, stages)
     for number in range(6):
         watch.handle(frame(f"frame {number}", seen_by(turned(RIG, (1, 0, 0)), number)))
     watch.events.close()
     assert (folder / "rig.json").read_bytes() == before
-    assert [event["reason"] for event in events(folder, "refused")] == [str(NoPlane(0))] * 2
+    assert [event["reason"] for event in events(folder, "refused")] == [str(PoseUndetermined("no plane"))] * 2
+
+
+def test_a_pose_whose_lenses_nothing_checks_is_never_written_without_a_word(folder):
+    before = (folder / "rig.json").read_bytes()
+    watch = watching(folder, replace(STAGES, recalibrate=recalibrate))
+    for number in range(3):
+        watch.handle(frame(f"frame {number}", seen_by(turned(RIG, (1, 0, 0)), number)))
+    watch.events.close()
+    assert (folder / "rig.json").read_bytes() == before
+    assert [event["reason"] for event in events(folder, "refused")] == [str(LensUnchecked())]
+
+
+def test_a_rig_that_holds_is_kept(folder):
+    before = (folder / "rig.json").read_bytes()
+    stages = replace(STAGES, recalibrate=lambda rig, captures: Accepted(rig, "it holds", Evidence(0), unchanged=True))
+    watch = watching(folder, stages)
+    for number in range(3):
+        watch.handle(frame(f"frame {number}", seen_by(turned(RIG, (1, 0, 0)), number)))
+    watch.events.close()
+    assert (folder / "rig.json").read_bytes() == before
+    assert "still holds" in events(folder, "refused")[0]["reason"]
 
 
 def test_an_answer_that_its_own_frames_contradict_is_never_written(folder):

@@ -11,6 +11,7 @@ from typing import Any, cast
 
 import numpy as np
 
+from retrue.answers import Reason
 from retrue.calibration.board import Board
 from retrue.calibration.bundle import Adjusted, adjust
 from retrue.calibration.closed_form import first_camera, with_second
@@ -18,6 +19,15 @@ from retrue.calibration.evidence import gather_evidence, rms_px
 from retrue.calibration.model_terms import Choice, choose_terms, fit_with_lens, with_honest_covariance
 from retrue.calibration.observations import CornerObservations, View, corner_group, observation_groups
 from retrue.calibration.options import CalibrationOptions
+from retrue.calibration.reasons import (
+    BoardNotSeen,
+    BoardOfAnotherSize,
+    BoardsParallel,
+    CornersMiss,
+    PointsUncertain,
+    RigUndetermined,
+    TooFewPoses,
+)
 from retrue.calibration.result import Calibrated, RefusedCalibration, fitted_views
 from retrue.calibration.setup import Setup
 from retrue.calibration.uncertainty import normal_spread_deg, predicted_error
@@ -25,6 +35,7 @@ from retrue.calibration.views import BoardCapture, Capture, LeftOut, Progress, S
 from retrue.errors import CaptureError, DegenerateError, InputError, require_kind, require_kinds
 from retrue.geometry.arrays import FloatArray, IntArray
 from retrue.geometry.camera import Camera
+from retrue.rasters import picture_mirrored
 from retrue.rig import Rig
 
 Sizes = tuple[tuple[int, int], tuple[int, int]]
@@ -72,6 +83,8 @@ def calibrate(
     require_kind(board, Board, "board", "retrue.parse_board makes one of such a text")
     require_kind(options or CalibrationOptions(), CalibrationOptions, "options")
     sizes = _sizes(captures, projector_size, (camera, projector))
+    if mirrored := picture_mirrored([capture.points for capture in captures if isinstance(capture, BoardCapture)]):
+        return RefusedCalibration(mirrored)
     views, left_out = see_views(captures, board, progress)
     progress(f"fitting {len(views)} views")
     return calibrate_views(views, board, sizes, options, known=(camera, projector), left_out=left_out)
@@ -88,13 +101,12 @@ def calibrate_views(
 ) -> Calibrated | RefusedCalibration:
     """`calibrate`, from views in which the board has been found; `left_out` had none."""
     options, left_out = options or CalibrationOptions(), list(left_out)
-    if reason := _too_little(views, left_out, board, known):
-        return RefusedCalibration(reason, {"left_out": _named(left_out)})
+    if cause := _too_little(views, left_out, board, known):
+        return RefusedCalibration(cause, {"left_out": _named(left_out)})
     try:
         solution = _solve(views, left_out, sizes, known, options)
     except DegenerateError as error:
-        reason = f"{error}; is --board the whole board? Tilt it by 30 to 60 degrees, each time another way"
-        return RefusedCalibration(reason, {"left_out": _named(left_out)})
+        return RefusedCalibration(RigUndetermined(str(error)), {"left_out": _named(left_out)})
     return _judge(solution, left_out, board, (known[0] is not None, known[1] is not None), options)
 
 
@@ -197,16 +209,13 @@ def _judge(
     angle = normal_spread_deg(fit)
     what_next = "; ".join(evidence["advice"]) or "capture more poses"
     if not all(fixed) and not angle > 5:
-        return RefusedCalibration(f"all boards are parallel within {angle:.1f} degrees; {what_next}", evidence, fitted)
-    if not rms_px(fit, views)["all"] <= options.largest_rms_px:
-        reason = f"the corners miss by {evidence['rms_px']:.2g} px: is the board as --board says, and flat?"
-        return RefusedCalibration(reason, evidence, fitted)
+        return RefusedCalibration(BoardsParallel(angle, what_next), evidence, fitted)
+    missed = rms_px(fit, views)["all"]
+    if not missed <= options.largest_rms_px:
+        return RefusedCalibration(CornersMiss(missed, options.largest_rms_px), evidence, fitted)
     if not error.relative <= options.largest_error:
-        reason = (
-            f"these poses leave points uncertain by {error.length:.3g} {board.unit} at {error.distance:.4g} "
-            f"{board.unit}; {what_next}"
-        )
-        return RefusedCalibration(reason, evidence, fitted)
+        cause = PointsUncertain(error.length, error.distance, board.unit, what_next)
+        return RefusedCalibration(cause, evidence, fitted)
     camera, projector = fit.setup.devices
     rig = Rig(camera, projector, fit.setup.second_from_first, board.unit, evidence)
     reason = (
@@ -216,23 +225,16 @@ def _judge(
     return Calibrated(rig, reason, evidence, fitted)
 
 
-def _too_little(views: list[View], left_out: list[LeftOut], board: Board, known: Known) -> str | None:
+def _too_little(views: list[View], left_out: list[LeftOut], board: Board, known: Known) -> Reason | None:
     """Why these views cannot do, before any fit."""
     if not views:
-        return "no capture shows the board: " + "; ".join(f"{view.name}: {view.reason}" for view in left_out)
+        return BoardNotSeen(tuple((view.name, view.reason) for view in left_out))
     spans = [np.ptp(view.board_xy, axis=0) / board.spacing for view in views]
     grids = {(round(float(span[0])) + 1, round(float(span[1])) + 1) for span in spans}
     if board.kind == "chessboard" and len(views) > 1 and len(grids) == 1 and not any(v.complete for v in views):
-        columns, rows = next(iter(grids))
-        return (
-            f"the board is said to have {board.columns}x{board.rows} inner corners, "
-            f"but every picture shows {columns}x{rows}: check --board"
-        )
+        return BoardOfAnotherSize((board.columns, board.rows), next(iter(grids)))
     if len(views) < 2 and not all(known):
-        others = "; ".join(f"{view.name}: {view.reason}" for view in left_out)
-        return "one pose of the board does not determine the intrinsics: capture at least five" + (
-            f" ({others})" if others else ""
-        )
+        return TooFewPoses(tuple((view.name, view.reason) for view in left_out))
     return None
 
 

@@ -4,10 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 
+from retrue.answers import Reason
 from retrue.calibration.bundle import Adjusted
 from retrue.calibration.jacobians import residuals
 from retrue.calibration.observations import View, corner_group
@@ -76,6 +77,15 @@ class Calibrated(ByValue, ShortRepr, HasReport):
     evidence: Mapping[str, Any]
     views: tuple[FittedView, ...] = ()
 
+    @property
+    def verdict(self) -> Literal["accepted"]:
+        """In one word."""
+        return "accepted"
+
+    @property
+    def cause(self) -> None:
+        """Nothing speaks against it."""
+
     def _shown(self) -> Shown:
         rows = _rows(self.evidence, self.views, self.rig.unit)
         return self.reason, rows | {"advice": "; ".join(self.evidence.get("advice", ())) or "none"}
@@ -83,11 +93,21 @@ class Calibrated(ByValue, ShortRepr, HasReport):
 
 @dataclass(frozen=True, slots=True, eq=False, repr=False)
 class RefusedCalibration(ByValue, ShortRepr, HasReport):
-    """No rig: the captures do not determine it; the reason says what to capture."""
+    """No rig: the captures do not determine it; the cause says what to capture."""
 
-    reason: str
+    cause: Reason
     evidence: Mapping[str, Any] = field(default_factory=dict[str, Any])
     views: tuple[FittedView, ...] = ()
+
+    @property
+    def verdict(self) -> Literal["refused"]:
+        """In one word."""
+        return "refused"
+
+    @property
+    def reason(self) -> str:
+        """The cause in one sentence."""
+        return str(self.cause)
 
     def _shown(self) -> Shown:
         return self.reason, _rows(self.evidence, self.views, "")

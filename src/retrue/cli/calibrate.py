@@ -26,12 +26,16 @@ if TYPE_CHECKING:
     from retrue.calibration.result import Calibrated, RefusedCalibration
     from retrue.calibration.views import BoardCapture
     from retrue.patterns.pattern import Pattern
+    from retrue.recalibration.result import Verification
     from retrue.report.page import Page
 
 
 @dataclass(frozen=True, kw_only=True)
 class Calibrate(ReportingCommand):
     """Find the intrinsics of both devices and the pose between them, from captures of a printed board.
+
+    At its end, each capture that the rig rests on is verified with it. Exit status 1 where one contradicts the rig,
+    which is written all the same.
 
     Attributes
     ----------
@@ -60,6 +64,7 @@ class Calibrate(ReportingCommand):
     limits: OmitArgPrefixes[CalibrationOptions] = field(default_factory=CalibrationOptions)
 
     def run(self) -> Outcome:
+        from retrue.answers import answer_report
         from retrue.calibration.board import parse_board
         from retrue.calibration.calibrate import calibrate
         from retrue.calibration.result import Calibrated
@@ -95,19 +100,17 @@ class Calibrate(ReportingCommand):
             progress=terminal.status,
         )
         seconds = time.perf_counter() - start
-        accepted = isinstance(result, Calibrated)
-        report = {
-            "verdict": "accepted" if accepted else "refused",
-            "reason": result.reason,
-            **plain(result.evidence),
-            "seconds": seconds,
-        }
-        text = "\n".join([f"{report['verdict']}: {result.reason}", *_described(result.evidence)])
+        report = {**answer_report(result), **plain(result.evidence), "seconds": seconds}
+        text = "\n".join([f"{result.verdict}: {result.reason}", *_described(result.evidence)])
         page = None if self.report is None else (self.report, self._page(result, captures, board, pattern))
         if not isinstance(result, Calibrated):
             return Outcome(report, f"{text}\nnothing was written", REFUSED_OR_DRIFTED, page)
+        checks = _checks(result, captures)
+        report["check"] = [{"name": name, **answer_report(check)} for name, check in checks.items()]
         write_rig(self.out, result.rig)
-        return Outcome(report, f"{text}\n{self.out}: written", DONE, page)
+        text = "\n".join([text, *_checked(checks), f"{self.out}: written"])
+        doubted = any(check.forbids_measuring for check in checks.values())
+        return Outcome(report, text, REFUSED_OR_DRIFTED if doubted else DONE, page)
 
     def _page(
         self, result: Calibrated | RefusedCalibration, captures: list[BoardCapture], board: Board, pattern: Pattern
@@ -117,6 +120,26 @@ class Calibrate(ReportingCommand):
 
         sizes = {"camera": picture_size(captures[0].white), "projector": pattern.projector_size}
         return calibration_page(result, sizes, board.unit, out=str(self.out))
+
+
+def _checks(result: Calibrated, captures: list[BoardCapture]) -> dict[str, Verification]:
+    """What `retrue verify` says of the new rig and each capture that it rests on, by the capture's name."""
+    from retrue.recalibration.verify import verify
+
+    used = {view.name for view in result.views}
+    checks: dict[str, Verification] = {}
+    for capture in captures:
+        if capture.name in used:
+            terminal.status(f"verifying {capture.name}")
+            checks[capture.name] = verify(result.rig, [capture.points])
+    return checks
+
+
+def _checked(checks: Mapping[str, Verification]) -> list[str]:
+    """A line for all that hold, and one for each that does not."""
+    good = sum(check.verdict == "good" for check in checks.values())
+    lines = [f"check: {good} of {len(checks)} of its own captures verify"]
+    return lines + [f"  {name}: {check.reason}" for name, check in checks.items() if check.verdict != "good"]
 
 
 def _described(evidence: Mapping[str, Any]) -> list[str]:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 from abc import ABC, abstractmethod
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -104,6 +104,16 @@ class ReportingCommand(Command):
             check_rasters(rig, capture.points, path)
             check_extent(rig, capture.points, path)
         return read
+
+
+def with_advice(outcome: Outcome, captures: Sequence[Capture]) -> Outcome:
+    """The same, with what the decoders say of the captures; told to people where there is no answer."""
+    said = [(capture.name, line) for capture in captures if capture.card is not None for line in capture.card.advice]
+    text = outcome.text
+    if outcome.exit_status == REFUSED_OR_DRIFTED:
+        text = "\n".join([text, *(f"advice: {name}: {line}" for name, line in said if line not in text)])
+    report = {**outcome.report, "advice": [f"{name}: {line}" for name, line in said]}
+    return replace(outcome, report=report, text=text)
 
 
 def log(message: str) -> None:

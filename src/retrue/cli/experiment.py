@@ -15,7 +15,7 @@ from retrue.errors import InputError
 if TYPE_CHECKING:
     from retrue.experiments.study import Study
 
-Name = Literal["ambiguity", "noise", "peers", "twin", "real"]
+Name = Literal["ambiguity", "noise", "peers", "twin", "light", "real"]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -26,14 +26,15 @@ class Experiment(Command):
     ----------
     name
         ambiguity: how many poses explain a plane. noise: errors against noise, for the paper's solver and others.
-        peers: RMSE over the Cramer-Rao bound, us and others. twin: how the twin poses are told apart. real: captures
-        against a static calibration.
+        peers: RMSE over the Cramer-Rao bound, us and others. twin: how the twin poses are told apart. light: how the
+        projector's own light tells them apart on a bare wall, drawn at random or, with captures, on each of their
+        planes. real: captures against a static calibration.
     captures
-        For `real`: captures of the rig.
+        For `real` and `light`: captures of the rig.
     rig
-        For `real`: its static calibration.
+        For these: its static calibration.
     pattern
-        For `real`: what the projector showed.
+        For these: what the projector showed.
     ours_only
         For `peers`: leave the other libraries out, which is four times as quick.
     trials
@@ -80,24 +81,30 @@ class Experiment(Command):
 
     def _study(self) -> Study:
         count: dict[str, Any] = {} if self.trials is None else {"trials": self.trials}
-        if self.name == "real":
+        if self.name == "real" or self.captures:
             return self._real(count)
         from retrue.experiments.against_peers import peers
         from retrue.experiments.ambiguity import ambiguity
+        from retrue.experiments.light import light
         from retrue.experiments.noise import noise
         from retrue.experiments.twin import twin
 
         if self.ours_only:
             count["ours_only"] = True
-        run = {"ambiguity": ambiguity, "noise": noise, "peers": peers, "twin": twin}[self.name]
+        run = {"ambiguity": ambiguity, "noise": noise, "peers": peers, "twin": twin, "light": light}[self.name]
         return run(seed=self.seed, workers=self.workers, progress=terminal.progress(self.name), **count)
 
     def _real(self, count: dict[str, Any]) -> Study:
+        from retrue.experiments.light import light_of_captures
         from retrue.experiments.real import real
         from retrue.files.rigs import read_rig
 
+        if self.name not in ("real", "light"):
+            raise InputError(f"experiment {self.name}: expected no captures, found {len(self.captures)}")
         if self.rig is None:
-            raise InputError("experiment real: expected --rig, the static calibration to compare with")
+            raise InputError(f"experiment {self.name}: expected --rig, the static calibration to compare with")
         captures = read_captures(self.captures, shown_pattern(self.pattern))
         points = {capture.name: capture.points for capture in captures}
+        if self.name == "light":
+            return light_of_captures(read_rig(self.rig), points, seed=self.seed)
         return real(read_rig(self.rig), points, seed=self.seed, **count)

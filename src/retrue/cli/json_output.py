@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import asdict
 from typing import Any
 
+from retrue.answers import answer_report
 from retrue.geometry.transform import RigidTransform
 from retrue.plain_json import plain
 from retrue.recalibration.result import Accepted, PoseCandidate, Refused, Verification
@@ -19,13 +20,14 @@ def recalibration_report(result: Accepted | Refused, seconds: float) -> dict[str
     """What `recalibrate --json` prints."""
     evidence = result.evidence
     return {
-        "verdict": "accepted" if isinstance(result, Accepted) else "refused",
-        "reason": result.reason,
-        "cause": result.cause.name if isinstance(result, Refused) else None,
+        **answer_report(result),
+        "lens": evidence.lens,
+        "lenses": None if evidence.lenses is None else plain(asdict(evidence.lenses)),
         "projector_from_camera": (
             pose_report(result.rig.projector_from_camera) if isinstance(result, Accepted) else None
         ),
         "candidates": [_candidate_report(candidate) for candidate in evidence.candidates],
+        "rivals": [plain(asdict(rival)) for rival in evidence.rivals],
         "change": None if evidence.change is None else plain(asdict(evidence.change)),
         "sigma": None if evidence.sigma is None else plain(asdict(evidence.sigma)),
         "rms_px": plain(evidence.rms_px),
@@ -41,9 +43,8 @@ def recalibration_report(result: Accepted | Refused, seconds: float) -> dict[str
 def verification_report(verification: Verification, seconds: float) -> dict[str, Any]:
     """What `verify --json` prints."""
     return {
-        "verdict": verification.verdict,
-        "reason": verification.reason,
-        "cause": None if verification.cause is None else verification.cause.name,
+        **answer_report(verification),
+        "band": verification.band,
         "epipolar_rms_px": plain(verification.epipolar_rms_px),
         "correspondences": verification.correspondences,
         "drift": None if verification.drift is None else plain(asdict(verification.drift)),

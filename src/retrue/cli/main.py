@@ -5,17 +5,22 @@ from __future__ import annotations
 import io
 import json
 import os
+import re
 import sys
 from collections.abc import Sequence
 from pathlib import Path
 
-from retrue.cli.command import BAD_INPUT, DONE, OUR_FAULT, Outcome
+from retrue.cli.command import BAD_INPUT, OUR_FAULT, Outcome
 from retrue.cli.parsing import parse
 from retrue.cli.terminal import GREEN, RED, YELLOW, colored, terminal
 from retrue.errors import RetrueError
 
 INTERRUPTED = 130  # as a shell reports SIGINT
-VERDICTS = frozenset({"accepted", "refused", "good", "drifted", "unknown"})
+VERDICTS = {
+    "accepted": GREEN, "unchanged": GREEN, "holds": GREEN,
+    "refused": YELLOW, "improvable": YELLOW, "cannot tell": YELLOW,
+    "recalibrate": RED, "drifted": RED,
+}  # fmt: skip
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -72,10 +77,10 @@ def _print(text: str) -> None:
 
 def _painted(outcome: Outcome) -> str:
     """The answer for people, its verdict in color."""
-    verdict, colon, rest = outcome.text.partition(":")
-    if verdict not in VERDICTS:
+    found = re.match(r"[a-z ]+(?=[:,])", outcome.text)
+    if found is None or found[0] not in VERDICTS:
         return outcome.text
-    return colored(verdict, GREEN if outcome.exit_status == DONE else YELLOW, sys.stdout) + colon + rest
+    return colored(found[0], VERDICTS[found[0]], sys.stdout) + outcome.text[found.end() :]
 
 
 def _fail(message: str, as_json: bool, status: int) -> int:

@@ -18,6 +18,7 @@ from retrue.cli.command import (
     ReportingCommand,
     RigPath,
     require_writable,
+    with_advice,
 )
 from retrue.errors import InputError
 from retrue.recalibration.options import RecalibrateOptions
@@ -31,20 +32,21 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, kw_only=True)
 class Recalibrate(ReportingCommand):
-    """Find the pose of a rig again from what it sees now; a scene that holds a plane will do.
+    """Find the pose of a rig again from what it sees now; any scene will do.
 
     Attributes
     ----------
     rig
-        The rig as it was last calibrated; its intrinsics are kept.
+        The rig as it was last calibrated; its lenses are kept, but for --lens refit.
     captures
         Pictures (colour grid), folders of pictures (Gray code) or points CSVs, all taken since it moved.
     pattern
         What the projector showed, JSON; not needed for a CSV.
     out
-        The new rig file. Nothing is written when the answer is refused.
+        The new rig file; the same rig again where it still holds. Nothing is written when the answer is refused.
     in_place
-        Instead of --out: write the new rig over the old one, and keep both in the history beside it.
+        Instead of --out: write the new rig over the old one, and keep both in the history beside it. Where the points
+        cannot check the lenses, only with --lens fixed.
     limits
         Limits of the method.
     """
@@ -60,7 +62,7 @@ class Recalibrate(ReportingCommand):
         from retrue.cli.json_output import recalibration_report
         from retrue.files.rigs import read_rig
         from retrue.recalibration.recalibrate import recalibrate
-        from retrue.recalibration.result import Accepted
+        from retrue.recalibration.result import Accepted, unattended
 
         if (self.out is None) == (not self.in_place):
             raise InputError("expected one of --out NEW.json and --in-place")
@@ -70,17 +72,26 @@ class Recalibrate(ReportingCommand):
         start = time.perf_counter()
         result = recalibrate(rig, [capture.points for capture in captures], self.limits)
         seconds = time.perf_counter() - start
+        result = unattended(result) if self.in_place else result
         report = recalibration_report(result, seconds)
         page = None if self.report is None else (self.report, self._page(rig, captures, result))
         if not isinstance(result, Accepted):
-            return Outcome(report, f"{_described(result, rig.unit)}\nnothing was written", REFUSED_OR_DRIFTED, page)
+            refused = Outcome(report, f"{_described(result, rig.unit)}\nnothing was written", REFUSED_OR_DRIFTED, page)
+            return with_advice(refused, captures)
+        if result.unchanged and self.in_place:
+            kept = f"{self.rig}: nothing was written, the rig in it still holds"
+            report |= {"out": None, "history_id": None}
+            return with_advice(Outcome(report, f"{_described(result, rig.unit)}\n{kept}", DONE, page), captures)
         written = self._write(result)
-        return Outcome(report | written, f"{_described(result, rig.unit)}\n{written['out']}: written", DONE, page)
+        same = ", the same rig" if result.unchanged else ""
+        text = f"{_described(result, rig.unit)}\n{written['out']}: written{same}"
+        return with_advice(Outcome(report | written, text, DONE, page), captures)
 
     def _page(self, rig: Rig, captures: list[Capture], result: Accepted | Refused) -> Page:
         from retrue.report.recalibration_page import recalibration_page
 
-        return recalibration_page(rig, captures, result, out=str(self.rig if self.in_place else self.out))
+        out = str(self.rig if self.in_place else self.out)
+        return recalibration_page(rig, captures, result, out="" if result.verdict == "unchanged" else out)
 
     def _write(self, result: Accepted) -> dict[str, Any]:
         if self.out is not None:
@@ -96,13 +107,17 @@ class Recalibrate(ReportingCommand):
 
 def _described(result: Accepted | Refused, unit: str) -> str:
     """The answer in a few lines."""
+    from retrue.recalibration.summary import lens_condition, lens_text
     from retrue.shown import figures
 
     evidence = result.evidence
-    lines = [f"{type(result).__name__.lower()}: {result.reason}"]
+    condition = "" if result.verdict == "refused" else lens_condition(evidence.lenses)
+    lines = [f"{result.verdict}{condition and f', {condition}'}: {result.reason}"]
     lines.append(f"from {evidence.correspondences} correspondences")
     if evidence.rms_px is not None:
         lines[-1] += f", RMS {evidence.rms_px:.3f} px"
+    if evidence.lenses is not None:
+        lines.append(f"lenses: {lens_text(evidence.lenses)}")
     if evidence.change is not None:
         change = evidence.change
         lines.append(f"moved by {change.rotation_deg:.3f} deg, direction of t by {change.translation_deg:.3f} deg")

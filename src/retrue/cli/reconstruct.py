@@ -10,12 +10,23 @@ from typing import TYPE_CHECKING, Any
 from tyro.conf import OmitArgPrefixes
 
 from retrue.cad.options import CadOptions
-from retrue.cli.command import DONE, CapturePath, Outcome, PatternPath, ReportingCommand, RigPath, require_writable
+from retrue.cli.command import (
+    DONE,
+    REFUSED_OR_DRIFTED,
+    CapturePath,
+    Outcome,
+    PatternPath,
+    ReportingCommand,
+    RigPath,
+    require_writable,
+    with_advice,
+)
 from retrue.reconstruction.options import ReconstructOptions
 
 if TYPE_CHECKING:
     from retrue.cad.model import CadModel
     from retrue.capture import Capture
+    from retrue.recalibration.result import Verification
     from retrue.reconstruction.cloud import Cloud, Mesh
     from retrue.report.page import Page
     from retrue.rig import Rig
@@ -26,6 +37,9 @@ MOST_PATCHES_SHOWN = 12
 @dataclass(frozen=True, kw_only=True)
 class Reconstruct(ReportingCommand):
     """Turn one capture into a coloured cloud of points, a mesh that stops at depth jumps, and surfaces for CAD.
+
+    Nothing is written where the capture contradicts the rig by more than `retrue verify` calls improvable, or no pose
+    explains it.
 
     Attributes
     ----------
@@ -45,6 +59,8 @@ class Reconstruct(ReportingCommand):
         Fill holes that one smooth patch explains.
     normals
         Write normals too; into a cloud that is PLY.
+    anyway
+        Write also where the capture contradicts the rig.
     limits
         Limits of the method.
     cad_limits
@@ -59,12 +75,18 @@ class Reconstruct(ReportingCommand):
     cad: Path | None = None
     fill_holes: bool = False
     normals: bool = False
+    anyway: bool = False
     limits: OmitArgPrefixes[ReconstructOptions] = field(default_factory=ReconstructOptions)
     cad_limits: OmitArgPrefixes[CadOptions] = field(default_factory=CadOptions)
 
     def run(self) -> Outcome:
+        from retrue.answers import answer_report
         from retrue.cad.make_cad import make_cad
         from retrue.files.rigs import read_rig
+        from retrue.recalibration.options import RecalibrateOptions
+        from retrue.recalibration.reasons import RaysMiss
+        from retrue.recalibration.result import refuted
+        from retrue.recalibration.verify import verify
         from retrue.reconstruction.mesh import make_mesh
         from retrue.reconstruction.reconstruct import reconstruct
 
@@ -73,13 +95,24 @@ class Reconstruct(ReportingCommand):
         (capture,) = self.read(rig, [self.capture], self.pattern)
         self._require_formats(rig.unit)
         start = time.perf_counter()
-        cloud = self._finished(reconstruct(rig, capture.points, self.limits))
+        verification = verify(rig, [capture.points])
+        nothing = not len(capture.points)
+        if nothing or (verification.forbids_measuring and not self.anyway):
+            return self._contradicted(rig, capture, verification, time.perf_counter() - start)
+        cloud = reconstruct(rig, capture.points, self.limits)
+        missed, most = cloud.card["epipolar_rms_px"], RecalibrateOptions().max_noise_px
+        if not (missed <= most or self.anyway):
+            verification = refuted(verification, RaysMiss(missed, most))
+            return self._contradicted(rig, capture, verification, time.perf_counter() - start)
+        cloud = self._finished(cloud)
         mesh = None if self.mesh is None else make_mesh(cloud)
         model = None if self.cad is None else make_cad(cloud, self.cad_limits)
         seconds = time.perf_counter() - start
         self._write(cloud, mesh, model)
-        report = _cloud_report(cloud) | {"out": str(self.out)}
+        report = answer_report(verification) | _cloud_report(cloud) | {"out": str(self.out)}
         text = _cloud_text(self.out, report)
+        if verification.verdict == "drifted" or verification.forbids_measuring:
+            text += f"\n  against the capture: {verification.reason}"
         if mesh is not None:
             report |= {"mesh": str(self.mesh), "faces": len(mesh.faces)}
             text += f"\n{self.mesh}: {len(mesh.faces)} faces"
@@ -87,7 +120,21 @@ class Reconstruct(ReportingCommand):
             report |= {"cad": str(self.cad), "patches": _patches_report(model), "points_on_no_patch": model.left_out}
             text += f"\n{self.cad}: {_patches_text(model)}"
         page = None if self.report is None else (self.report, self._page(rig, capture, cloud, mesh))
-        return Outcome(report | {"seconds": seconds}, text, DONE, page)
+        return with_advice(Outcome(report | {"seconds": seconds}, text, DONE, page), [capture])
+
+    def _contradicted(self, rig: Rig, capture: Capture, verification: Verification, seconds: float) -> Outcome:
+        """No cloud: it would be one of a rig that is no more."""
+        from retrue.cli.json_output import verification_report
+
+        report = verification_report(verification, seconds) | {"out": None}
+        anyway = " (--anyway does)" if len(capture.points) else ""
+        text = f"refused: nothing was written{anyway}: {verification.reason}"
+        page = None
+        if self.report is not None:
+            from retrue.report.verification_page import verification_page
+
+            page = (self.report, verification_page(rig, [capture], verification))
+        return with_advice(Outcome(report, text, REFUSED_OR_DRIFTED, page), [capture])
 
     def _page(self, rig: Rig, capture: Capture, cloud: Cloud, mesh: Mesh | None) -> Page:
         from retrue.report.reconstruction_page import reconstruction_page

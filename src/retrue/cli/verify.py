@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import time
-from dataclasses import dataclass
+from dataclasses import dataclass, field
+
+from tyro.conf import OmitArgPrefixes
 
 from retrue.cli.command import (
     DONE,
@@ -14,7 +16,9 @@ from retrue.cli.command import (
     ReportingCommand,
     RigPath,
     require_writable,
+    with_advice,
 )
+from retrue.recalibration.options import VerifyOptions
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -29,11 +33,14 @@ class Verify(ReportingCommand):
         Pictures (colour grid), folders of pictures (Gray code) or points CSVs, all taken with the rig as it is now.
     pattern
         What the projector showed, JSON; not needed for a CSV.
+    limits
+        Limits of the method.
     """
 
     rig: RigPath
     captures: CapturePaths
     pattern: PatternPath = None
+    limits: OmitArgPrefixes[VerifyOptions] = field(default_factory=VerifyOptions)
 
     def run(self) -> Outcome:
         from retrue.cli.json_output import verification_report
@@ -44,12 +51,13 @@ class Verify(ReportingCommand):
         rig = read_rig(self.rig)
         captures = self.read(rig, self.captures, self.pattern)
         start = time.perf_counter()
-        verification = verify(rig, [capture.points for capture in captures])
+        verification = verify(rig, [capture.points for capture in captures], self.limits)
         report = verification_report(verification, time.perf_counter() - start)
-        text = f"{verification.verdict}: {verification.reason}"
+        text = f"{verification.band}: {verification.reason}"
         page = None
         if self.report is not None:
             from retrue.report.verification_page import verification_page
 
             page = (self.report, verification_page(rig, captures, verification))
-        return Outcome(report, text, DONE if verification.verdict == "good" else REFUSED_OR_DRIFTED, page)
+        status = DONE if verification.verdict == "good" else REFUSED_OR_DRIFTED
+        return with_advice(Outcome(report, text, status, page), captures)

@@ -17,6 +17,7 @@ from tyro.conf import OmitArgPrefixes, Positional, arg
 
 from retrue.cli.command import Command, Outcome, PatternPath, RigPath, made_folder, require_writable
 from retrue.errors import FileError, InputError
+from retrue.recalibration.options import VerifyOptions
 from retrue.watch.options import WatchOptions
 
 if TYPE_CHECKING:
@@ -31,6 +32,8 @@ if TYPE_CHECKING:
 @dataclass(frozen=True, kw_only=True)
 class Watch(Command):
     """Look after a rig: verify every frame, recalibrate in place when it has drifted, and go on.
+
+    A pose whose points cannot check the lenses is only written with --lens fixed.
 
     Attributes
     ----------
@@ -49,6 +52,8 @@ class Watch(Command):
         Serve metrics for Prometheus on this port of 127.0.0.1; needs `pip install 'retrue[watch]'`.
     limits
         When to recalibrate, and what to wait for.
+    judgement
+        Limits of the method.
     """
 
     rig: RigPath
@@ -58,6 +63,7 @@ class Watch(Command):
     clouds: bool = False
     metrics_port: int | None = None
     limits: OmitArgPrefixes[WatchOptions] = field(default_factory=WatchOptions)
+    judgement: OmitArgPrefixes[VerifyOptions] = field(default_factory=VerifyOptions)
 
     def run(self) -> Outcome:
         from retrue.cli.status_line import StatusLine
@@ -122,7 +128,7 @@ class Watch(Command):
             )
         if pattern is not None and self.pattern is not None:
             check_pattern(read_rig(self.rig), pattern.projector_size, self.pattern)
-        stages = real_stages(pattern, made_folder(self.out / "clouds") if self.clouds else None)
+        stages = real_stages(pattern, made_folder(self.out / "clouds") if self.clouds else None, self.judgement)
         events = EventLog(self.out / "events.jsonl", listeners)
         return Watcher(self.rig, stages, events, state, self.out / "state.json", self.limits)
 

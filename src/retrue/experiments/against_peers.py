@@ -19,7 +19,7 @@ from retrue.geometry.arrays import FloatArray
 from retrue.geometry.transform import direction_angle, vector_from_rotation
 from retrue.geometry.two_view import tangent_basis
 from retrue.recalibration.recalibrate import recalibrate
-from retrue.recalibration.result import Accepted
+from retrue.recalibration.result import Refused
 from retrue.rig import Rig
 
 SETUPS = (
@@ -166,11 +166,13 @@ def _linear(bound: FloatArray) -> bool:
 
 
 def _whole_job(rig: Rig, points: Correspondences) -> tuple[list[Pose], FloatArray | None]:
+    """The pose that the points support: not the rig's, which is kept where it holds, for here it and its lenses are
+    the truth."""
     result = recalibrate(rig, [points])
-    if not isinstance(result, Accepted):
+    pose = result.evidence.pose
+    if isinstance(result, Refused) or pose is None:
         return [], None
-    pose = result.rig.projector_from_camera
-    return [(pose.R, pose.t)], np.array(result.evidence.details["covariance"])
+    return [(pose.R, pose.t)], np.array(result.evidence.details["covariance_statistical"])
 
 
 def _error(pose: Pose, R: FloatArray, t: FloatArray) -> FloatArray:

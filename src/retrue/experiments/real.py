@@ -18,7 +18,7 @@ from retrue.recalibration.candidates import with_planes
 from retrue.recalibration.options import RecalibrateOptions
 from retrue.recalibration.rays import rays_of_captures
 from retrue.recalibration.recalibrate import recalibrate
-from retrue.recalibration.result import Accepted
+from retrue.recalibration.result import Refused
 from retrue.rig import Rig
 
 NOISE_PX = 0.25
@@ -103,10 +103,8 @@ def _attempt(solve: Method, rig: Rig, points: Correspondences) -> Sequence[Pose]
 
 def _ours(rig: Rig, captures: Sequence[Correspondences]) -> list[Pose]:
     result = recalibrate(rig, captures)
-    if not isinstance(result, Accepted):
-        return []
-    pose = result.rig.projector_from_camera
-    return [(pose.R, pose.t)]
+    pose = result.evidence.pose  # not the rig's, which is kept where it holds: here it is the truth
+    return [] if isinstance(result, Refused) or pose is None else [(pose.R, pose.t)]
 
 
 def _error(poses: Sequence[Pose], rig: Rig) -> tuple[float, float]:

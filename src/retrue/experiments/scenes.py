@@ -18,6 +18,7 @@ from retrue.rig import Rig
 CAMERA = Camera((1280, 960), np.array([[1600, 0, 639.5], [0, 1600, 479.5], [0, 0, 1]]))
 PROJECTOR = Camera((1024, 768), np.array([[1400, 0, 511.5], [0, 1400, 700], [0, 0, 1]]))
 SMALLEST_FOLD = np.radians(1.0)
+LARGEST_MOVE = np.radians(60.0)
 
 
 def random_rotation(rng: np.random.Generator) -> FloatArray:
@@ -41,6 +42,22 @@ def random_planar_pose(rng: np.random.Generator, count: int, spread: float) -> t
         fold = min(direction_angle(t, R @ normal), direction_angle(-t, R @ normal))
         if fold > SMALLEST_FOLD and in_front(pose, camera).all():
             return pose, camera
+
+
+def random_rig(rng: np.random.Generator) -> tuple[Rig, FloatArray]:
+    """A projector beside the camera, turned so that both look at a plane at distance 1 along the axis."""
+    normal = np.array([*rng.normal(0, 0.35, 2), 1.0])
+    t = np.array([rng.choice([-1, 1]) * rng.uniform(0.1, 0.5), rng.normal(0, 0.1), rng.normal(0, 0.1)])
+    aim = rotation_from_vector([0.0, np.arctan2(t[0], 1.0), 0.0])
+    R = rotation_from_vector(rng.normal(0, 0.05, 3)) @ aim.T
+    return Rig(CAMERA, PROJECTOR, RigidTransform(R, t)), normal
+
+
+def random_old_pose(truth: RigidTransform, rng: np.random.Generator) -> RigidTransform:
+    """That pose before a move of up to 60 degrees in any direction, in rotation and in the direction of t."""
+    axes = rng.normal(size=(2, 3))
+    turns: FloatArray = axes / np.linalg.norm(axes, axis=1, keepdims=True) * rng.uniform(0, LARGEST_MOVE, (2, 1))
+    return RigidTransform(rotation_from_vector(turns[0]) @ truth.R, rotation_from_vector(turns[1]) @ truth.t)
 
 
 @dataclass(frozen=True, slots=True, eq=False)

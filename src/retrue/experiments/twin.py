@@ -2,20 +2,20 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from itertools import product
 
 import numpy as np
 
 from retrue.correspondences import Correspondences
-from retrue.experiments.scenes import CAMERA, PROJECTOR
+from retrue.experiments.scenes import random_rig
 from retrue.experiments.study import Cell as Number
 from retrue.experiments.study import Line, Panel, Study, Table
 from retrue.experiments.trials import Progress, run_trials
 from retrue.geometry.arrays import FloatArray
 from retrue.geometry.planar_pose import PlanarPose, in_front, planar_pose_candidates
 from retrue.geometry.transform import RigidTransform, direction_angle, rotation_angle, rotation_from_vector
-from retrue.recalibration.options import RecalibrateOptions
+from retrue.recalibration.reasons import RivalUnbeaten
 from retrue.recalibration.recalibrate import recalibrate
 from retrue.recalibration.result import Accepted, Refused
 from retrue.rig import Rig
@@ -70,7 +70,7 @@ def twin(
     """Random rigs and planes; `recalibrate` on what they show.
 
     Table columns, in percent of the trials: `accepted`; of these `wrong`, nearer to the twin than to the truth;
-    `cannot tell`, refused because of the twins; `refused`, for another reason. `both in front`: cheirality cannot
+    `cannot tell`, refused as a rival is unbeaten; `refused`, for another reason. `both in front`: cheirality cannot
     choose. `prior_wrong`: the old direction of t is nearer to that of the twin.
     """
     cells = all_cells() if cells is None else cells
@@ -114,7 +114,7 @@ def _numbers(table: Table, column: str) -> list[float]:
 def _trial(cell: Cell, rng: np.random.Generator) -> FloatArray:
     """(6,): accepted, wrong, cannot tell, refused otherwise, both in front, prior wrong."""
     while True:
-        rig, normal = _random_rig(rng)
+        rig, normal = random_rig(rng)
         capture = _capture(cell, rig, normal, rng)
         if capture is not None:
             break
@@ -126,26 +126,12 @@ def _trial(cell: Cell, rng: np.random.Generator) -> FloatArray:
     old_t = _drifted(truth.t, cell.drift_deg, rng)
     prior_wrong = direction_angle(old_t, other.translation_over_distance) < direction_angle(old_t, truth.t)
     old = Rig(rig.camera, rig.projector, RigidTransform(truth.R, old_t))
-    # Each cue by itself: elsewhere any share may lie behind a device, and any change is plausible.
-    options = RecalibrateOptions()
-    if cell.cue != "cheirality":
-        options = replace(options, max_behind=1.0)
-    if cell.cue != "old direction of t":
-        options = replace(options, max_unchecked_change_deg=180.0, max_change_deg=180.0)
-    result = recalibrate(old, [capture], options)
+    result = recalibrate(old, [capture])
     accepted = isinstance(result, Accepted)
-    wrong = isinstance(result, Accepted) and _nearer_to(other, truth, result.rig.projector_from_camera)
-    undecided = isinstance(result, Refused) and result.evidence.resolved_by == "nothing"
+    pose = result.evidence.pose
+    wrong = accepted and pose is not None and _nearer_to(other, truth, pose)
+    undecided = isinstance(result, Refused) and isinstance(result.cause, RivalUnbeaten)
     return np.array([accepted, wrong, undecided, not (accepted or undecided), both, prior_wrong], dtype=np.float64)
-
-
-def _random_rig(rng: np.random.Generator) -> tuple[Rig, FloatArray]:
-    """A projector beside the camera, turned so that both look at a plane at distance 1 along the axis."""
-    normal = np.array([*rng.normal(0, 0.35, 2), 1.0])
-    t = np.array([rng.choice([-1, 1]) * rng.uniform(0.1, 0.5), rng.normal(0, 0.1), rng.normal(0, 0.1)])
-    aim = rotation_from_vector([0.0, np.arctan2(t[0], 1.0), 0.0])
-    R = rotation_from_vector(rng.normal(0, 0.05, 3)) @ aim.T
-    return Rig(CAMERA, PROJECTOR, RigidTransform(R, t)), normal
 
 
 def _capture(cell: Cell, rig: Rig, normal: FloatArray, rng: np.random.Generator) -> Correspondences | None:

@@ -152,6 +152,10 @@ def _foreign(path: Path, content: bytes, ending: str) -> Any:
         kind = ending[1:].upper()
         raise FileError(path, f"expected {kind}, found none that can be read ({type(error).__name__})") from error
     points = [np.asarray(part.vertices, dtype=np.float64) for part in parts]
+    for vertices in points:
+        if vertices.ndim != 2 or vertices.shape[1] != 3:
+            found = vertices.shape[-1] if vertices.ndim else 0
+            raise FileError(path, f"expected vertices of three numbers, found {found}: no points in space")
     starts = np.cumsum([0, *map(len, points)])
     faces = [
         np.asarray(part.faces, dtype=np.int64) + start

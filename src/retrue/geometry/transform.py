@@ -103,9 +103,19 @@ def vector_from_rotation(R: ArrayLike) -> FloatArray:
     >>> vector_from_rotation(rotation_from_vector([0.1, -0.2, 3.0])).round(12).tolist()
     [0.1, -0.2, 3.0]
     """
-    from scipy.spatial.transform import Rotation
-
-    return Rotation.from_matrix(finite_array(R, (3, 3), "rotation R")).as_rotvec()
+    R = finite_array(R, (3, 3), "rotation R")
+    if not np.abs(R @ R.T - np.eye(3)).max() < 1e-12:  # a tiny angle keeps its digits only untouched
+        R = nearest_rotation(R)
+    # Outer products of the quaternion (x, y, z, w), each a number of R: the longest row has no cancellation.
+    products = np.empty((4, 4))
+    products[:3, :3] = R + R.T
+    products[:3, 3] = products[3, :3] = R[2, 1] - R[1, 2], R[0, 2] - R[2, 0], R[1, 0] - R[0, 1]
+    products[3, 3] = 1 + np.trace(R)
+    products[range(3), range(3)] = 1 - np.trace(R) + 2 * np.diag(R)
+    row = products[int(np.argmax(np.diag(products)))]
+    x, w = (row[:3], row[3]) if row[3] >= 0 else (-row[:3], -row[3])
+    sine = float(np.linalg.norm(x))
+    return x * (2 * float(np.arctan2(sine, w)) / sine) if sine > 0 else np.zeros(3)
 
 
 def skew(v: FloatArray) -> FloatArray:

@@ -24,8 +24,15 @@ POSE_PARAMETERS = 5
 PARAMETERS = 8  # of one point: the pose, and n of its plane
 NO_RESIDUALS, NO_WEIGHTS = np.empty((2, 0)), np.empty((2, 0))
 NO_COLUMNS, NO_BLOCKS = np.empty((0, 2, 0)), np.empty((0, 0, 0))
+NO_TURNS = np.empty((0, 2, 0)), np.empty((0, 2, 0))
+NO_BOWS = np.empty((0, 0)), np.empty((0, 0))
 FREE = -1
 """Index of the plane of a point that lies on none."""
+PlaneBows = tuple[FloatArray, FloatArray]
+"""(N, B) share of its plane's disparity that each bow moves a point by; (P, B) how far each plane is bowed."""
+_Placed = tuple[
+    FloatArray, FloatArray, FloatArray, FloatArray, FloatArray, FloatArray, FloatArray, IntArray, FloatArray, FloatArray
+]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -130,11 +137,23 @@ def epipolar_residuals(pose: RigidTransform | TwoViewPose, points: TwoViewPoints
     return sampson_distances(RigidTransform(pose.R, pose.t), points.camera_rays, points.projector_rays, **sigmas)
 
 
-def residuals(pose: TwoViewPose, points: TwoViewPoints) -> Residuals:
+def residuals(pose: TwoViewPose, points: TwoViewPoints, bows: PlaneBows = NO_BOWS) -> Residuals:
     """Both families of residuals at a pose, linearised at the corrected rays (see `TwoViewPose`)."""
     both = np.empty((2, len(points)))
-    _run(pose, points, both, NO_WEIGHTS, NO_COLUMNS, NO_BLOCKS)
+    kernel.two_view(*_placed(pose, points, bows), both, NO_WEIGHTS, NO_COLUMNS, *NO_TURNS, NO_BLOCKS)
     return Residuals(both)
+
+
+def corrected_rays(
+    pose: TwoViewPose, points: TwoViewPoints, weights: FloatArray, bows: PlaneBows = NO_BOWS
+) -> FloatArray:
+    """(2, N, 2) rays of both devices that the normal equations are made at: where the pose has what they show.
+
+    That is on the plane, of points that weigh along the epipolar line, and on their epipolar lines of the others.
+    """
+    corrected = np.empty((2, len(points), 2))
+    kernel.corrected_rays(*_placed(pose, points, bows), weights, corrected)
+    return corrected
 
 
 def normal_equations(
@@ -150,9 +169,8 @@ def normal_equations(
     A plane whose points all lost their weight is held where it is, by one unit of information relative to its n:
     next to nothing where it has points, and enough that it does not leave the pose undetermined.
     """
-    count, width = len(pose.planes), PARAMETERS + len(columns)
-    blocks = np.zeros((count + 1, width, width))
-    _run(pose, points, NO_RESIDUALS, weights, columns, blocks)
+    count = len(pose.planes)
+    blocks = normal_blocks(pose, points, weights, columns)
     size = POSE_PARAMETERS + 3 * count
     own = np.arange(POSE_PARAMETERS, size).reshape(count, 3)
     information, cross = np.zeros((size, size)), np.zeros((size, len(columns)))
@@ -166,35 +184,45 @@ def normal_equations(
     return _symmetric(information), cross, _symmetric(both[8:, 8:])
 
 
+def normal_blocks(
+    pose: TwoViewPose,
+    points: TwoViewPoints,
+    weights: FloatArray,
+    columns: FloatArray,
+    turns: tuple[FloatArray, FloatArray] = NO_TURNS,
+    bows: PlaneBows = NO_BOWS,
+) -> FloatArray:
+    """[J C]^T W [J C] (P + 1, 8 + K, 8 + K), lower triangles: along the line of each plane's points; across it of all.
+
+    Of each the pose (5), n of the plane (3) and the K columns, as in `normal_equations`. After those come further
+    unknowns that move the rays of the camera and of the projector, by `turns` (N, 2, A) each at the `corrected_rays`,
+    and the bows (B) of the plane.
+    """
+    width = PARAMETERS + len(columns) + 2 * turns[0].shape[2] + bows[0].shape[1]
+    blocks = np.zeros((len(pose.planes) + 1, width, width))
+    placed = _placed(pose, points, bows)
+    kernel.two_view(*placed, NO_RESIDUALS, weights, np.ascontiguousarray(columns), *turns, blocks)
+    return blocks
+
+
 def _symmetric(lower: FloatArray) -> FloatArray:
     full = lower + lower.T
     full.flat[:: len(lower) + 1] /= 2
     return full
 
 
-def _run(
-    pose: TwoViewPose,
-    points: TwoViewPoints,
-    residuals: FloatArray,
-    weights: FloatArray,
-    columns: FloatArray,
-    blocks: FloatArray,
-) -> None:
-    """The kernel, on arrays as it takes them."""
-    axes = np.array([pose.t, *tangent_basis(pose.t).T])
-    kernel.two_view(
+def _placed(pose: TwoViewPose, points: TwoViewPoints, bows: PlaneBows) -> _Placed:
+    """What the kernels begin with, as they take it."""
+    return (
         np.ascontiguousarray(pose.R),
-        axes,
+        np.array([pose.t, *tangent_basis(pose.t).T]),
         np.ascontiguousarray(pose.planes),
         np.ascontiguousarray(points.camera_rays),
         np.ascontiguousarray(points.projector_rays),
         np.ascontiguousarray(points.camera_sigma),
         np.ascontiguousarray(points.projector_sigma),
         np.ascontiguousarray(points.plane_index),
-        residuals,
-        np.ascontiguousarray(weights),
-        np.ascontiguousarray(columns),
-        blocks,
+        *bows,
     )
 
 

@@ -1,78 +1,53 @@
-"""What the captures themselves say of the pose, before anybody judges it.
-
-Split off planes -> the twin poses that each allows -> refine each on all points -> compare them.
-"""
+"""Poses that the captures allow: those of planes, of five points, and the old one, each refined on all points."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
-from retrue.correspondences import Correspondences
 from retrue.errors import DegenerateError
-from retrue.geometry.arrays import FloatArray, IntArray
+from retrue.geometry.arrays import BoolArray, FloatArray, IntArray
+from retrue.geometry.five_points import best_essentials, poses_of_essential
 from retrue.geometry.planar_pose import PlanarPose, planar_pose_candidates, twin_pose
-from retrue.geometry.robust import CUTOFF
+from retrue.geometry.robust import MAD_TO_SIGMA, quantile
 from retrue.geometry.robust_homography import HYPOTHESES, MOST_HYPOTHESES, largest_plane, local_noise
 from retrue.geometry.transform import direction_angle, rotation_angle
 from retrue.geometry.two_view import FREE, TwoViewPoints, TwoViewPose, planes_of_pose
-from retrue.recalibration.fit import PoseFit, Support, chi_square, evaluate, gather, refine
+from retrue.recalibration.fit import PoseFit, Support, gather, refine
 from retrue.recalibration.options import RecalibrateOptions
-from retrue.recalibration.rays import Rays, rays_of_captures
-from retrue.recalibration.reasons import NoPlane, PointsNotSpread, TooFewPoints, Undecidable
-from retrue.recalibration.result import share_behind
-from retrue.rig import Rig
+from retrue.recalibration.posterior import Posterior
+from retrue.recalibration.rays import Rays
+from retrue.recalibration.reasons import PointsNotSpread, TooFewPoints, Undecidable
+from retrue.recalibration.scale import inverse_depths
 
-COMPARED_POINTS = 4000  # enough to tell the twins apart; the chosen one is then refined on all
+PLANARITY_PX = 0.25  # how far a real board or wall is off a plane, at least, in projector pixels
 GATHERED_POINTS = 800  # enough to bring a start near
 STARTING_PLANES = 3
-MOSTLY = 0.5
+MOST_BOW = 3.5  # of the usual bow of a wall
+MOST_SCATTER, SCATTER_PX = 4.0, 1.0  # along the epipolar line, of the noise across it, and at least
+SCORED_POINTS = 500
+FEWEST_FREE = 30  # points off all planes, below which five points tell nothing that planes do not
 SAME_POSE = np.radians(0.5)
-PLANARITY_PX = 0.25  # how far a real board or wall is off a plane, at least, in projector pixels
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class Comparison:
-    """Both candidates on the same points.
-
-    Attributes
-    ----------
-    rays : the points that the candidates were refined on, with the plane of each.
-    fits : the best supported candidate and its strongest rival; a single one where the twins coincide.
-    margin : by how much chi-square of the points off the second's plane, and of all points, prefers the first.
-    deviations : the same off the plane in standard deviations of a sum over points that are there by chance.
-    off_plane : number of points off that plane.
-    """
-
-    rays: Rays
-    fits: tuple[PoseFit, ...]
-    margin: float
-    deviations: float
-    off_plane: int
+def check_spread(rays: Rays, options: RecalibrateOptions) -> None:
+    """Undecidable where there are too few points, or all on a line."""
+    if len(rays) < options.min_points:
+        raise Undecidable(TooFewPoints(len(rays), options.min_points))
+    for name, points in (("camera", rays.points.camera_rays), ("projector", rays.points.projector_rays)):
+        largest, smallest = _spread(points)
+        if not largest > 1e-9:
+            raise Undecidable(PointsNotSpread(name, "place"))
+        if not smallest > 1e-6 * largest:
+            raise Undecidable(PointsNotSpread(name, "line"))
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class Estimate:
-    """All rays, with the plane of each, and both candidates."""
-
-    rays: Rays
-    comparison: Comparison
-
-
-def estimate_pose(rig: Rig, captures: Sequence[Correspondences], options: RecalibrateOptions) -> Estimate:
-    """The pose and its strongest rival, from nothing but the captures and the intrinsics.
-
-    Raises DegenerateError, with what to do, where there are too few points, no plane, or no pose.
-    """
-    rng = np.random.default_rng(options.seed)
-    rays = rays_of_captures(rig, captures, options.max_points, rng)
-    _check_spread(rays, options)
-    rays, homographies = with_planes(rays, float(rig.projector.K[0, 0]), options, rng)
-    if not homographies:
-        raise Undecidable(NoPlane(len(rays)))
-    return Estimate(rays, compare_candidates(rays, homographies, rng))
+def _spread(points: FloatArray) -> tuple[float, float]:
+    """Standard deviations along the widest and the narrowest direction."""
+    centred = points - points.mean(axis=0)
+    low, high = np.linalg.eigvalsh(centred.T @ centred / max(len(points) - 1, 1))
+    return float(np.sqrt(max(high, 0.0))), float(np.sqrt(max(low, 0.0)))
 
 
 def with_planes(
@@ -127,49 +102,140 @@ def split_planes(
     return homographies, plane_index
 
 
-def compare_candidates(rays: Rays, homographies: list[FloatArray], rng: np.random.Generator) -> Comparison:
-    """Refine the twins of the largest planes on all points, and order them by what the points say.
+def starting_poses(
+    points: TwoViewPoints, homographies: list[FloatArray], old: TwoViewPose, noise: float, rng: np.random.Generator
+) -> list[TwoViewPose]:
+    """Both poses of each large plane, the old one, and the best of five points, with all planes seen from each.
 
-    Before refining, the wrong twin can look the better one; so nothing is compared before. Raises
-    DegenerateError where no plane gives a pose.
+    Parameters
+    ----------
+    points : of all captures, with their planes.
+    homographies : of the planes.
+    old : where the rig was.
+    noise : of a match, in the unit of the rays.
     """
-    rays = rays.thinned(COMPARED_POINTS, rng)
-    points, support = rays.points, Support.of(rays)
-    few = rays.thinned(GATHERED_POINTS, rng).points
+    starts = [pose for _, pose in twins_of_planes(points, homographies)]
+    starts.append(_seen(old.R, old.t, homographies))
+    free = np.flatnonzero(points.plane_index == FREE)
+    if len(free) >= FEWEST_FREE:
+        starts += _of_five_points(points, free, homographies, noise, rng)
+    return starts
+
+
+def twins_of_planes(points: TwoViewPoints, homographies: list[FloatArray]) -> list[tuple[int, TwoViewPose]]:
+    """Both poses of each large plane, with that plane's number; all planes seen from each."""
+    counts = np.bincount(points.plane_index[points.plane_index != FREE], minlength=len(homographies))
+    found: list[tuple[int, TwoViewPose]] = []
+    largest: list[int] = np.argsort(-counts)[:STARTING_PLANES].tolist()
+    for plane in largest:
+        rays = points.camera_rays[points.plane_index == plane]
+        try:
+            twins = planar_pose_candidates(homographies[plane], [*rays.mean(axis=0), 1.0])
+        except DegenerateError:
+            continue
+        found += [(plane, _seen(pose.R, pose.translation_over_distance, homographies)) for pose in twins]
+    return found
+
+
+def _of_five_points(
+    points: TwoViewPoints, free: IntArray, homographies: list[FloatArray], noise: float, rng: np.random.Generator
+) -> list[TwoViewPose]:
+    """The best of samples from everywhere, half of each off all planes, with points in front of both devices."""
+
+    def draw(count: int) -> IntArray:
+        rows = rng.integers(0, len(points), (count, 5))
+        rows[:, :3] = free[rng.integers(0, len(free), (count, 3))]
+        return rows
+
+    scored = rng.choice(len(points), min(SCORED_POINTS, len(points)), replace=False)
+    nominal = float(np.median(np.hypot(points.camera_sigma, points.projector_sigma)))
+    noises = [noise]
+    while noises[-1] > 0.3 * nominal:  # what is wrong may lie near, and make neighbours look noisy
+        noises.append(noises[-1] / 3)
+    few, found = points.select(scored), list[TwoViewPose]()
+    for E in best_essentials(points.camera_rays, points.projector_rays, noises, draw, scored):
+        poses = [TwoViewPose(R, t) for R, t in poses_of_essential(E)]
+        best = max(poses, key=lambda pose: -np.count_nonzero(behind(pose, few, 1.0)))
+        found.append(_seen(best.R, best.t, homographies))
+    return found
+
+
+def refined_poses(starts: list[TwoViewPose], support: Support, rng: np.random.Generator) -> list[PoseFit]:
+    """Each start gathered on few points, then refined on all; the same pose once.
+
+    Raises DegenerateError where no start is left.
+    """
+    points = support.points
+    few = points
+    if len(points) > GATHERED_POINTS:
+        few = points.select(np.sort(rng.choice(len(points), GATHERED_POINTS, replace=False)))
     fits: list[PoseFit] = []
-    for start in _starts(points, homographies):
+    for start in starts:
         try:
             near = gather(start, few)
             if not any(same_pose(near, fit.pose) for fit in fits):
                 fits.append(refine(near, support, iterations=3))
         except DegenerateError:
             continue
-    fits = [fit for fit in fits if share_behind(fit, points) <= MOSTLY] or fits  # a mirrored pose is no rival
     if not fits:
-        raise DegenerateError("pose: no plane determines it; turn the plane, or move it further to the side")
-    reference = min(fits, key=lambda fit: float(fit.epipolar_noise.variance.mean()))
-    first = min(fits, key=lambda fit: float(chi_square(fit, reference).sum()))
-    rivals = [fit for fit in fits if not same_pose(fit.pose, first.pose)]
-    rivals += _twins(first, support, homographies)  # as it stands: refining may lead it away, or back
-    if not rivals:
-        return Comparison(rays, (first,), 0.0, 0.0, 0)
-    return min((_compared(rays, first, rival) for rival in rivals), key=lambda found: found.margin)
+        raise DegenerateError("pose: the points do not determine it; show more of a scene, or have a plane in view")
+    return fits
 
 
-def _compared(rays: Rays, first: PoseFit, rival: PoseFit) -> Comparison:
-    """What prefers the first: points off the plane that the rival fits, because that plane fits both."""
-    points = rays.points
-    near = np.abs(rival.found.along) < CUTOFF * first.along_noise.level  # not by its own, wider noise
-    fitted = points.plane_index[near]
-    if len(fitted) == 0:  # it was led away: the plane that it came from tells nothing all the same
-        fitted = points.plane_index[points.plane_index != FREE]
-    own_plane = int(np.argmax(np.bincount(fitted)))
-    off = points.plane_index != own_plane
-    preferred = chi_square(rival, first) - chi_square(first, first)
-    squares = float((preferred[off] ** 2).sum())
-    margin = min(float(preferred[off].sum()), float(preferred.sum()))
-    deviations = float(preferred[off].sum() / np.sqrt(squares)) if squares > 0 else 0.0
-    return Comparison(rays, (first, rival), margin, deviations, int(np.count_nonzero(off)))
+def curved_planes(posterior: Posterior) -> BoolArray:
+    """(P,) planes that the points do not believe: bowed by more than walls are, or scattered about themselves."""
+    fit, plane = posterior.fit, posterior.points.plane_index
+    gone = np.abs(posterior.parameters.bows).max(axis=1, initial=0.0) > MOST_BOW
+    across = float(np.hypot(fit.epipolar_noise.level, fit.epipolar_noise.shared))
+    for index in np.flatnonzero(~gone):
+        along = np.abs(fit.found.along[(plane == index) & (fit.robust_weights[0] > 0)])
+        scattered = len(along) > 0 and MAD_TO_SIGMA * quantile(along, 0.5) > max(MOST_SCATTER * across, SCATTER_PX)
+        gone[index] = scattered
+    return gone
+
+
+def twins_of(pose: TwoViewPose, points: TwoViewPoints) -> list[TwoViewPose]:
+    """The twin of a pose on each of its planes, the other planes where that twin has them."""
+    found: list[TwoViewPose] = []
+    homographies = [pose.R + pose.t[:, None] * n for n in pose.planes]
+    for plane, n in enumerate(pose.planes):
+        mine = points.plane_index == plane
+        length = float(np.linalg.norm(n))
+        if not (mine.any() and length > 0):
+            continue
+        x = [*points.camera_rays[mine].mean(axis=0), 1.0]
+        try:
+            twin = twin_pose(PlanarPose(pose.R, pose.t * length, n / length), x)
+        except DegenerateError:
+            continue
+        seen = _seen(twin.R, twin.translation_over_distance, homographies)
+        if not any(same_pose(seen, other) for other in (pose, *found)):
+            found.append(seen)
+    return found
+
+
+def behind(pose: TwoViewPose, points: TwoViewPoints, level: float) -> BoolArray:
+    """(N,) points behind the camera, the projector or their own plane; those on none by more than four sigma of depth.
+
+    `level` is the noise as a multiple of the points' own sigma.
+    """
+    x = np.column_stack([points.camera_rays, np.ones(len(points))])
+    disparity = inverse_depths(pose, points)
+    parallax = np.hypot(
+        pose.t[0] - points.projector_rays[:, 0] * pose.t[2], pose.t[1] - points.projector_rays[:, 1] * pose.t[2]
+    )
+    sigma = np.hypot(points.camera_sigma, points.projector_sigma) * level / np.maximum(parallax, 1e-12)
+    least = -4 * sigma
+    if len(pose.planes):
+        on_plane = points.plane_index != FREE
+        n = pose.planes[np.maximum(points.plane_index, 0)]
+        disparity = np.where(on_plane, (x * n).sum(axis=1), disparity)
+        least = np.where(on_plane, 0.0, least)
+        # Camera and projector are on one side of a surface: light does not come through from behind.
+        lit = 1 + pose.planes @ (pose.R.T @ pose.t) > 0
+        disparity = np.where(on_plane & ~lit[np.maximum(points.plane_index, 0)], -1.0, disparity)
+    in_projector = x @ pose.R[2] + disparity * pose.t[2]
+    return np.asarray((disparity <= least) | (in_projector <= 0))
 
 
 def same_pose(a: TwoViewPose, b: TwoViewPose) -> bool:
@@ -177,53 +243,12 @@ def same_pose(a: TwoViewPose, b: TwoViewPose) -> bool:
     return rotation_angle(a.R @ b.R.T) < SAME_POSE and direction_angle(a.t, b.t) < SAME_POSE
 
 
-def _starts(points: TwoViewPoints, homographies: list[FloatArray]) -> list[TwoViewPose]:
-    """Twins of the planes with the most points, with all planes seen from each."""
-    counts = [int(np.count_nonzero(points.plane_index == plane)) for plane in range(len(homographies))]
-    starts: list[TwoViewPose] = []
-    for plane in sorted(range(len(counts)), key=lambda plane: -counts[plane])[:STARTING_PLANES]:
-        rays = points.camera_rays[points.plane_index == plane]
-        try:
-            twins = planar_pose_candidates(homographies[plane], [*rays.mean(axis=0), 1.0])
-        except DegenerateError:
-            continue
-        starts += [_start(twin, homographies) for twin in twins]
-    return starts
+def match_noise(points: TwoViewPoints, rng: np.random.Generator) -> float:
+    """Noise of a match in the unit of the rays: what neighbours say, at least what the points say of themselves."""
+    nominal = float(np.median(np.hypot(points.camera_sigma, points.projector_sigma)))
+    return max(2 * local_noise(points.camera_rays, points.projector_rays, rng), 0.3 * nominal)
 
 
-def _start(pose: PlanarPose, homographies: list[FloatArray]) -> TwoViewPose:
-    t = pose.translation_over_distance / np.linalg.norm(pose.translation_over_distance)
-    return TwoViewPose(pose.R, t, planes_of_pose(pose.R, t, homographies))
-
-
-def _twins(fit: PoseFit, support: Support, homographies: list[FloatArray]) -> list[PoseFit]:
-    """The twin of a refined pose on its largest plane, not refined: that would only lead back."""
-    points = support.points
-    planes = points.plane_index[points.plane_index != FREE]
-    largest = int(np.argmax(np.bincount(planes)))
-    n = fit.pose.planes[largest]
-    length = float(np.linalg.norm(n))
-    x = [*points.camera_rays[points.plane_index == largest].mean(axis=0), 1.0]
-    try:
-        start = _start(twin_pose(PlanarPose(fit.pose.R, fit.pose.t * length, n / length), x), homographies)
-    except DegenerateError:
-        return []
-    return [] if same_pose(start, fit.pose) else [evaluate(start, support)]
-
-
-def _check_spread(rays: Rays, options: RecalibrateOptions) -> None:
-    if len(rays) < options.min_points:
-        raise Undecidable(TooFewPoints(len(rays), options.min_points))
-    for name, points in (("camera", rays.points.camera_rays), ("projector", rays.points.projector_rays)):
-        largest, smallest = _spread(points)
-        if not largest > 1e-9:
-            raise Undecidable(PointsNotSpread(name, "place"))
-        if not smallest > 1e-6 * largest:
-            raise Undecidable(PointsNotSpread(name, "line"))
-
-
-def _spread(points: FloatArray) -> tuple[float, float]:
-    """Standard deviations along the widest and the narrowest direction."""
-    centred = points - points.mean(axis=0)
-    low, high = np.linalg.eigvalsh(centred.T @ centred / max(len(points) - 1, 1))
-    return float(np.sqrt(max(high, 0.0))), float(np.sqrt(max(low, 0.0)))
+def _seen(R: FloatArray, t: FloatArray, homographies: list[FloatArray]) -> TwoViewPose:
+    t = t / np.linalg.norm(t)
+    return TwoViewPose(R, t, planes_of_pose(R, t, homographies))

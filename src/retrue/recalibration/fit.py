@@ -23,7 +23,9 @@ from retrue.geometry.robust import (
 )
 from retrue.geometry.two_view import (
     FREE,
+    NO_BOWS,
     POSE_PARAMETERS,
+    PlaneBows,
     Residuals,
     TwoViewPoints,
     TwoViewPose,
@@ -126,7 +128,7 @@ def gather(start: TwoViewPose, points: TwoViewPoints) -> TwoViewPose:
     for _ in range(12):
         found = residuals(pose, points)
         levels = np.array([median_level(found.both[:, mine].ravel()) for mine in members])
-        floor = float(levels.min())
+        floor = float(levels.min()) if members else biweight_level(found.epipolar)
         reach = max(floor, min(reach / 3, median_level(found.epipolar[free]))) if free.any() else floor
         scale = np.append(levels, reach)[points.plane_index]  # that of FREE is the last
         weights = biweight(found.both / scale) / scale**2
@@ -138,9 +140,9 @@ def gather(start: TwoViewPose, points: TwoViewPoints) -> TwoViewPose:
     return pose
 
 
-def evaluate(pose: TwoViewPose, support: Support) -> PoseFit:
+def evaluate(pose: TwoViewPose, support: Support, bows: PlaneBows = NO_BOWS) -> PoseFit:
     """Residuals, noise and weights at a pose."""
-    found = residuals(pose, support.points)
+    found = residuals(pose, support.points, bows)
     on_plane = int(np.count_nonzero(support.points.plane_index != FREE))
     count = len(support.points) + on_plane
     freedom = count - POSE_PARAMETERS - 3 * len(pose.planes)

@@ -1,256 +1,317 @@
-"""Decide from the evidence: which twin, and whether the answer is to be trusted. NaN refuses.
-
-Wrong matches contradict the pose each in its own way. Points that contradict it alike are a surface, seen with other
-intrinsics or from another pose; and two planes that alternate all over the picture are one plane, seen from two poses.
-Every limit is named in `RecalibrateOptions`, and every refusal is a type of its own in `reasons`.
-"""
+"""Which pose, why that one, and how sure: the best of all hypotheses, and by how much it beats each of the others."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from typing import cast
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from math import erfc, exp, log, pi, sqrt
 
 import numpy as np
 
-from retrue.geometry.arrays import BoolArray, FloatArray, IntArray
+from retrue.correspondences import Correspondences
+from retrue.errors import DegenerateError, InputError
+from retrue.geometry.arrays import BoolArray, FloatArray, IntArray, finite_array
 from retrue.geometry.robust import CUTOFF
-from retrue.geometry.transform import RigidTransform, direction_angle, rotation_angle
-from retrue.geometry.two_view import FREE, epipolar_residuals
-from retrue.recalibration.candidates import Comparison, Estimate
-from retrue.recalibration.fit import PoseFit
-from retrue.recalibration.options import RecalibrateOptions
-from retrue.recalibration.rays import Rays
-from retrue.recalibration.reasons import (
-    FocalLengthChanged,
-    ImplausibleChange,
-    Imprecise,
-    NearFold,
-    PlaneAndRestContradict,
-    PlaneContradicts,
-    PlanesInterleave,
-    PointsBehind,
-    PointsDisagree,
-    Reason,
-    ResidualsHaveStructure,
-    SurfaceContradicts,
-    TwinsUnresolved,
+from retrue.geometry.transform import direction_angle, rotation_angle
+from retrue.geometry.two_view import POSE_PARAMETERS, TwoViewPoints, TwoViewPose
+from retrue.recalibration.bows import bow_shapes, measured_scale
+from retrue.recalibration.candidates import (
+    behind,
+    check_spread,
+    curved_planes,
+    match_noise,
+    refined_poses,
+    starting_poses,
+    twins_of_planes,
+    with_planes,
 )
-from retrue.recalibration.result import Evidence, PoseChange, PoseSigma, share_behind, sigma
-from retrue.recalibration.uncertainty import FocalChange, focal_changes
+from retrue.recalibration.fit import PoseFit, Support
+from retrue.recalibration.lens import LENS_NAMES, LENS_PARAMETERS, stated_prior, wide_prior
+from retrue.recalibration.lens_evidence import LensEvidence, effective_prior, lens_evidence
+from retrue.recalibration.options import RecalibrateOptions
+from retrue.recalibration.parts import (
+    Part,
+    differing_capture,
+    homography_residuals,
+    other_part,
+    parts_apart,
+    set_aside,
+    shifted_copy,
+    unexplained,
+)
+from retrue.recalibration.posterior import (
+    Measured,
+    Parameters,
+    PosePrior,
+    Posterior,
+    Prior,
+    fit_posterior,
+    posterior_at,
+)
+from retrue.recalibration.rays import Rays, rays_of_captures
+from retrue.recalibration.reasons import (
+    CapturesDiffer,
+    Imprecise,
+    LensChanged,
+    PartsContradict,
+    PointsDisagree,
+    PoseUndetermined,
+    Reason,
+    RivalUnbeaten,
+)
+from retrue.recalibration.result import Evidence, PoseSigma, sigma_at
+from retrue.recalibration.rivals import LOUD, Rival, light_of, nearest_points, plane_levels, ranked
+from retrue.rig import Rig
 
-CLEARLY_TURNED_DEG = 5.0
-APART = 10.0  # times the noise: nearer to the line where two planes meet, either may claim a point
-ENOUGH_POINTS = 2000
-LARGE = 0.25  # share of a capture's points on planes
-ALIKE = 0.25  # residuals of two neighbours, apart by less than this share of the larger
-ALIKE_BY_CHANCE = 0.25  # share of independent ones that are; 1/8 where uniform
-TOO_FAR = 2.2  # times the largest believable move: what the old direction of t rules out
+COMPARED_POINTS = 1500  # enough to tell hypotheses apart; the best is then fitted to all
+HYPOTHESES = 4  # fitted with their lenses; the others explain much less
 
 
-@dataclass(frozen=True, slots=True)
-class Choice:
-    """Which candidate, and what settled it."""
+@dataclass(frozen=True, slots=True, eq=False)
+class Judgement:
+    """The best explanation, and what it rests on.
 
-    index: int
-    resolved_by: str
-
-
-def twin_is_resolved(comparison: Comparison, options: RecalibrateOptions) -> bool:
-    """Whether the points off the plane settle which twin it is."""
-    return comparison.margin >= options.twin_margin and comparison.deviations >= options.twin_deviations
-
-
-def choose_twin(comparison: Comparison, old: RigidTransform, options: RecalibrateOptions) -> Choice | Reason:
-    """By points off the plane; else by what lies behind a device; else by the old direction of t.
-
-    The old direction decides only where one candidate is a believable move from it, the other much too far, and
-    the old rotation does not speak clearly for the other.
+    Attributes
+    ----------
+    rays, measured : all points, with their planes.
+    answer : the best hypothesis, fitted to all points.
+    compared : the same on the points that hypotheses were compared on.
+    rivals : the others.
+    lens : what the points say of the lenses.
+    outside : (N,) points that the answer does not explain.
+    other_part : those of them that share another pose.
+    differing : the capture that is furthest from the others' pose, and by how many sigma; None of a single one.
     """
-    if len(comparison.fits) == 1:
-        return Choice(0, "the twins coincide")
-    if twin_is_resolved(comparison, options):
-        return Choice(0, f"{comparison.off_plane} points off the plane (chi-square margin {comparison.margin:.0f})")
-    behind = [share_behind(fit, comparison.rays.points) for fit in comparison.fits]
-    possible = [index for index, share in enumerate(behind) if share <= options.max_behind]
-    if not possible:
-        return PointsBehind(min(behind))
-    if len(possible) == 1:
-        return Choice(possible[0], f"cheirality (the twin has {max(behind):.0%} of the plane behind a device)")
-    angles = np.degrees([direction_angle(fit.pose.t, old.t) for fit in comparison.fits])
-    nearest = int(np.argmin(angles))
-    near, far = float(angles[nearest]), float(angles[1 - nearest])
-    turned = np.degrees([rotation_angle(fit.pose.R @ old.R.T) for fit in comparison.fits])
-    contradicted = turned[nearest] > CLEARLY_TURNED_DEG and turned[1 - nearest] < turned[nearest] / 4
-    believable = near <= options.max_unchecked_change_deg and far >= TOO_FAR * options.max_unchecked_change_deg
-    if believable and not contradicted:
-        return Choice(nearest, f"the old direction of t ({near:.1f} deg away, the twin {far:.1f} deg)")
-    angle = min(_angle_to_fold(fit) for fit in comparison.fits)
-    return TwinsUnresolved(near, far) if angle > options.min_fold_deg else NearFold(angle)
+
+    rays: Rays
+    measured: Measured
+    answer: Posterior
+    compared: Posterior
+    rivals: tuple[Rival, ...]
+    lens: LensEvidence
+    outside: BoolArray
+    other_part: Part | None
+    differing: tuple[int, float] | None
+
+    @property
+    def resolved_by(self) -> str:
+        """What speaks for the answer, against the strongest rival."""
+        if not self.rivals:
+            return "no other pose explains the points"
+        rival = min(self.rivals, key=lambda one: one.margin)
+        said = {"points": rival.points, "light": rival.light, "the old pose": rival.move}
+        ranked = sorted((item for item in said.items() if item[1] >= 1), key=lambda item: -item[1])
+        parts = ", ".join(f"{name} {nats:.0f}" for name, nats in ranked)
+        return f"{ranked[0][0]} (log evidence against {rival.name}: {parts})" if ranked else "nothing"
 
 
-def supporting_rays(estimate: Estimate, options: RecalibrateOptions) -> Rays:
-    """What the final fit rests on: all points, but only those on planes where the others told nothing.
+def judge(rig: Rig, captures: Sequence[Correspondences], options: RecalibrateOptions) -> Judgement:
+    """Refine every hypothesis on all points, and compare. DegenerateError where no pose is determined."""
+    rng = np.random.default_rng(options.seed)
+    rays = rays_of_captures(rig, captures, options.max_points, rng)
+    check_spread(rays, options)
+    rays, homographies = with_planes(rays, float(rig.projector.K[0, 0]), options, rng)
+    few = rays.thinned(COMPARED_POINTS, rng)
+    pose = rig.projector_from_camera
+    old = TwoViewPose(pose.R, pose.t / np.linalg.norm(pose.t))
+    noise = match_noise(few.points, rng)
+    fits = refined_poses(starting_poses(few.points, homographies, old, noise, rng), Support.of(few), rng)
+    tight = stated_prior(rig, options.focal_sigma, options.principal_point_sigma_px, options.k1_sigma)
+    wide = wide_prior(rig, tight)
+    prior = Prior(wide, free=True) if options.lens == "may-have-changed" else Prior(tight)
+    starts = [Parameters.of(fit.pose) for fit in _foremost(fits, few.points)]
+    light, neighbours = light_of(rig, captures, few), nearest_points(few)
+    while True:
+        measured = _measured(rig, captures, few, homographies, neighbours, options.flatness_sigma)
+        posteriors = [fit_posterior(measured, start, prior, 6) for start in starts]
+        best, rivals = ranked(posteriors, measured, few, light, old, None, rng)
+        part = other_part(best, unexplained(best), rng)
+        apart = _apart(posteriors, best, part, measured)
+        if apart:
+            best, rivals = ranked([*posteriors, *apart], measured, few, light, old, part, rng)
+        lens = lens_evidence(measured, homographies, best, part, tight, wide, old)
+        curved = curved_planes(best)
+        if lens.verdict == "changed" or not curved.any():  # through a changed lens no plane looks flat
+            break
+        rays, few = rays.without_planes(curved), few.without_planes(curved)
+        homographies = [H for H, gone in zip(homographies, curved, strict=True) if not gone]
+        starts = [fit.parameters.without_planes(curved) for fit in posteriors]
+    start = best.parameters
+    if lens.verdict == "changed" and options.lens == "refit" and lens.posterior is not None:
+        best, rivals = ranked([lens.posterior, *lens.others], measured, few, light, old, part, rng)
+        start, prior = best.parameters, Prior(wide, free=True)
+    elif lens.verdict == "checked":
+        prior = Prior(effective_prior(prior.lens, lens))
+    nobody = np.empty((len(rays), 0), dtype=np.int64)
+    whole = _measured(rig, captures, rays, homographies, nobody, options.flatness_sigma)
+    for other in parts_apart(posterior_at(whole, start, prior), part, whole.homography_residuals):
+        whole = set_aside(whole, other)
+    answer = fit_posterior(whole, start, prior, 3)
+    scale = measured_scale(answer.parameters.bows.ravel(), answer.bow_information)
+    whole = replace(whole, flatness=scale * whole.flatness)
+    answer = fit_posterior(whole, replace(answer.parameters, bows=answer.parameters.bows / scale), prior, 3)
+    outside = unexplained(answer)
+    others = [
+        *parts_apart(answer, part, whole.homography_residuals),
+        shifted_copy(answer, outside),
+        None if part else other_part(answer, outside, rng),
+    ]
+    part = max(
+        (other for other in others if other is not None and other.count), key=lambda one: one.count, default=None
+    )
+    return Judgement(rays, whole, answer, best, rivals, lens, outside, part, differing_capture(whole, rays, answer))
 
-    Points off the plane that do not settle the twin are few, or wrong: those that happen to agree would pull
-    the pose where the plane holds it least.
+
+def _apart(posteriors: list[Posterior], best: Posterior, part: Part | None, measured: Measured) -> list[Posterior]:
+    """Each hypothesis fitted again without the parts that it does not explain, though they have an explanation.
+
+    And each plane by itself where the best is louder than one of them alone: it may explain what does not belong
+    together.
     """
-    if twin_is_resolved(estimate.comparison, options):
-        return estimate.rays
-    return estimate.rays.select(estimate.rays.points.plane_index != FREE)
-
-
-def inconsistency(fit: PoseFit, rays: Rays, estimate: Estimate, options: RecalibrateOptions) -> Reason | None:
-    """Why the correspondences do not belong to one pose at all; None where they do."""
-    share = np.count_nonzero(fit.explained) / len(estimate.rays)
-    level = float(np.maximum(fit.epipolar_noise.level, fit.along_noise.level))
-    if not (share >= 1 - options.max_outliers and level <= options.max_noise_px):
-        return PointsDisagree(share, 1 - options.max_outliers, level, options.max_noise_px)
-    behind = share_behind(fit, rays.points)
-    if not behind <= options.max_behind:
-        return PointsBehind(behind)
-    if not fit.epipolar_noise.shared <= options.max_structure_px:
-        return ResidualsHaveStructure(fit.epipolar_noise.shared)
-    for index in range(len(fit.pose.planes)):
-        mine = rays.points.plane_index == index
-        if not np.mean(fit.explained[mine]) >= 0.5:
-            return PlaneContradicts(int(np.count_nonzero(mine)))
-    share = interleaved_share(fit, rays)
-    if not share <= options.max_interleaved:
-        return PlanesInterleave(share)
-    for device, found in focal_changes(rays.points, fit).items():
-        limit = max(options.max_focal_change, options.focal_deviations * found.sigma)
-        if _is_told(found, options) and not abs(found.amount) <= limit:
-            return FocalLengthChanged(device, found.amount, found.sigma)
-    comparison = estimate.comparison
-    if comparison.margin <= -options.twin_margin and comparison.deviations <= -options.twin_deviations:
-        return PlaneAndRestContradict(comparison.off_plane)
-    share = contradicting_share(fit, estimate.rays)
-    if not share <= options.max_contradicting:
-        return SurfaceContradicts(share)
-    return None
-
-
-def _checks_intrinsics(fit: PoseFit, rays: Rays, options: RecalibrateOptions) -> bool:
-    return all(_is_told(found, options) for found in focal_changes(rays.points, fit).values())
-
-
-def _is_told(found: FocalChange, options: RecalibrateOptions) -> bool:
-    return not found.sigma >= options.max_focal_change / 4  # a single plane takes up any focal length
-
-
-def imprecision(fit: PoseFit, total: PoseSigma | None, options: RecalibrateOptions) -> Imprecise | None:
-    """Whether the points determine the pose too poorly for a linearised covariance to hold.
-
-    The limits are for what the points themselves say; with the systematic part in `total`, it may be twice that.
-    """
-    for known, factor in ((sigma(fit.covariance), 1), (total, 2)):
-        if known is not None and not (
-            known.rotation_deg <= factor * options.max_sigma_rotation_deg
-            and known.translation_deg <= factor * options.max_sigma_translation_deg
-        ):
-            return Imprecise(known.rotation_deg, known.translation_deg)
-    return None
+    points = measured.support.points
+    starts = [(fit.parameters, parts_apart(fit, part, measured.homography_residuals)) for fit in posteriors]
+    quiet = min(plane_levels(measured), default=np.inf)
+    if not max(best.fit.epipolar_noise.level, best.fit.along_noise.level) < LOUD * quiet:
+        homographies = [best.pose.R + best.pose.t[:, None] * n for n in best.pose.planes]
+        for plane, twin in twins_of_planes(points, homographies):
+            elsewhere = points.plane_index != plane
+            starts.append((Parameters.of(twin), [Part("elsewhere", elsewhere, 8, np.empty((0, 2)), 0.0)]))
+    found: list[Posterior] = []
+    for start, others in starts:
+        if others:
+            apart = measured
+            for other in others:
+                apart = set_aside(apart, other)
+            try:
+                found.append(fit_posterior(apart, start, best.prior, 6))
+            except DegenerateError:
+                continue
+    return found
 
 
 def objection(
-    fit: PoseFit, rays: Rays, estimate: Estimate, evidence: Evidence, options: RecalibrateOptions
+    judgement: Judgement, sigma: PoseSigma | None, distance: float | None, options: RecalibrateOptions
 ) -> Reason | None:
-    """Why a resolved pose is still not to be trusted; None where nothing speaks against it."""
-    change = evidence.change
-    reason = imprecision(fit, evidence.sigma, options) or inconsistency(fit, rays, estimate, options)
-    if reason is not None:
-        return reason
-    if change is not None and not _is_within(change, options.max_change_deg):
-        return ImplausibleChange(change.rotation_deg, change.translation_deg, options.max_change_deg, True)
-    limit = options.max_unchecked_change_deg
-    if change is not None and not _is_within(change, limit) and not _checks_intrinsics(fit, rays, options):
-        return ImplausibleChange(change.rotation_deg, change.translation_deg, limit, False)
-    if not twin_is_resolved(estimate.comparison, options):
-        angle = _angle_to_fold(fit)
-        if not angle > options.min_fold_deg:
-            return NearFold(angle)
+    """Why the best explanation is still not to be trusted; None where nothing speaks against it. NaN refuses."""
+    fit = judgement.answer.fit
+    share = 1 - np.count_nonzero(judgement.outside) / len(judgement.outside)
+    level = float(np.maximum(fit.epipolar_noise.level, fit.along_noise.level))
+    lens = judgement.lens
+    if lens.verdict == "changed" and options.lens != "refit":
+        clearest = int(np.argmax(np.abs(lens.change) / lens.sigma))
+        device, what = divmod(clearest, LENS_PARAMETERS)
+        amount = float(lens.change[clearest])
+        return LensChanged(
+            ("camera", "projector")[device],
+            LENS_NAMES[what],
+            float(np.expm1(amount)) if what == 0 else amount,
+            float(lens.sigma[clearest]),
+            lens.gain,
+        )
+    if not (share >= 1 - options.max_outliers and level <= options.max_noise_px):
+        return PointsDisagree(share, 1 - options.max_outliers, level, options.max_noise_px)
+    if judgement.differing is not None and not judgement.differing[1] <= MOST_DEVIATIONS:
+        return CapturesDiffer(judgement.differing[0] + 1, judgement.differing[1])
+    if judgement.other_part is not None:
+        other = judgement.other_part.count / len(judgement.outside)
+        if not other <= LARGEST_OTHER_PART * share:
+            return PartsContradict(share, other)
+    rival = min(judgement.rivals, key=lambda one: one.margin, default=None)
+    if rival is not None and not rival.margin >= options.min_margin:
+        pose, other = judgement.answer.pose, rival.posterior.pose
+        apart = np.degrees([rotation_angle(pose.R @ other.R.T), direction_angle(pose.t, other.t)])
+        return RivalUnbeaten(rival.name, rival.margin, *apart.tolist())
+    if sigma is None or distance is None or sigma.displacement is None:
+        return PoseUndetermined("pose: the points have no depth; show more of the scene")
+    error = sigma.displacement / distance
+    if not error <= options.max_error:
+        return Imprecise(sigma.rotation_deg, sigma.translation_deg, error, options.max_error)
     return None
 
 
-def _is_within(change: PoseChange, limit_deg: float) -> bool:
-    return change.rotation_deg <= limit_deg and change.translation_deg <= limit_deg
+MOST_DEVIATIONS = 6.0
+LARGEST_OTHER_PART = 0.8
 
 
-def _angle_to_fold(fit: PoseFit) -> float:
-    """Degrees between t and the nearest normal of a plane, either way round."""
-    normals = fit.pose.planes / np.linalg.norm(fit.pose.planes, axis=1, keepdims=True)
-    angles = [direction_angle(sign * fit.pose.t, fit.pose.R @ n) for n in normals for sign in (1, -1)]
-    return float(np.degrees(min(angles, default=np.inf)))
+def drift(rig: Rig, judgement: Judgement, options: RecalibrateOptions) -> float:
+    """By how many sigma the captures contradict the rig's own pose: chi with five degrees of freedom if it holds.
 
-
-def contradicting_share(fit: PoseFit, rays: Rays) -> float:
-    """Share of all points that contradict the pose, and as their neighbours among such points do."""
-    step = max(1, len(rays) // ENOUGH_POINTS)
-    points, capture = rays.points.select(slice(None, None, step)), rays.capture[::step]
-    residual = epipolar_residuals(fit.pose, points)
-    wrong = ~(np.abs(residual) < CUTOFF * float(np.hypot(fit.epipolar_noise.level, fit.epipolar_noise.shared)))
-    alike = 0
-    for index in range(int(capture.max(initial=-1)) + 1):
-        mine = np.flatnonzero(wrong & (capture == index))
-        if len(mine) < 2:
-            continue
-        r, other = residual[mine], residual[mine][_nearest(points.camera_rays[mine])]
-        alike += int(np.count_nonzero(np.abs(r - other) < ALIKE * np.maximum(np.abs(r), np.abs(other))))
-    excess = (alike - ALIKE_BY_CHANCE * np.count_nonzero(wrong)) / (1 - ALIKE_BY_CHANCE)
-    return max(float(excess), 0.0) / max(len(points), 1)
-
-
-def interleaved_share(fit: PoseFit, rays: Rays) -> float:
-    """Share of the points on large planes whose nearest neighbour lies on another one, clearly apart from theirs there.
-
-    Surfaces meet along lines, so that few points have such a neighbour; each plane of a mixture is everywhere.
+    The nearest explanation counts, of those that the captures do not tell apart.
     """
-    rows = np.flatnonzero(rays.points.plane_index != FREE)
-    rows = rows[:: max(1, len(rows) // ENOUGH_POINTS)]
-    foreign = counted = 0
-    for capture in range(int(rays.capture.max(initial=-1)) + 1):
-        mine = rows[rays.capture[rows] == capture]
-        mine = mine[_on_large_planes(rays.points.plane_index[mine])]
-        if len(mine) < 2:
-            continue
-        x = rays.points.camera_rays[mine]
-        plane = rays.points.plane_index[mine]
-        if (plane == plane[0]).all():  # there is no other one
-            counted += len(mine)
-            continue
-        other = plane[_nearest(x)]
-        apart: BoolArray = _apart(fit, x, plane, other) > APART * _noise(fit, rays, mine)
-        foreign += int(np.count_nonzero((other != plane) & apart))
-        counted += len(mine)
-    return foreign / max(counted, 1)
+    own = rig_covariance(rig, options)
+    pose = rig.projector_from_camera
+    old = PosePrior(pose.R, pose.t / np.linalg.norm(pose.t), own)
+    possible = [judgement.answer]
+    possible += [rival.posterior for rival in judgement.rivals if not rival.margin >= options.min_margin]
+    found: list[float] = []
+    for posterior in possible:
+        difference = old.difference(posterior.pose)
+        found.append(float(difference @ np.linalg.solve(posterior.covariance + own, difference)))
+    return float(np.sqrt(min(found)))
 
 
-def _on_large_planes(plane: IntArray) -> BoolArray:
-    """(N,) points of planes with a quarter of all: a mixture has two of them, scattered points none."""
-    counts = np.bincount(plane)
-    return counts[plane] >= LARGE * len(plane)
+def rig_covariance(rig: Rig, options: RecalibrateOptions) -> FloatArray:
+    """(5, 5) of the rig's own pose: what its evidence states, else what the options have."""
+    stated = rig.evidence.get("covariance")
+    if stated is None:
+        rotation, translation = np.radians([options.rig_sigma_rotation_deg, options.rig_sigma_translation_deg])
+        return np.diag([rotation**2] * 3 + [translation**2] * 2)
+    covariance = finite_array(stated, (POSE_PARAMETERS, POSE_PARAMETERS), "rig evidence, covariance")
+    if not np.linalg.eigvalsh(covariance)[0] > 0:
+        raise InputError("rig evidence, covariance: expected a covariance, found eigenvalues that are not positive")
+    return covariance
 
 
-def _nearest(x: FloatArray) -> IntArray:
-    """(N,) row of each point's nearest neighbour."""
-    from scipy.spatial import KDTree
-
-    return cast(IntArray, KDTree(x).query(x, 2)[1])[:, 1]
-
-
-def _apart(fit: PoseFit, x: FloatArray, plane: IntArray, other: IntArray) -> FloatArray:
-    """(N,) how far apart the projector rays to the two planes are, along one camera ray."""
-    rays = np.column_stack([x, np.ones(len(x))])
-    first, second = (_seen(fit, rays, (rays * fit.pose.planes[index]).sum(axis=1)) for index in (plane, other))
-    return np.linalg.norm(first - second, axis=1)
+def holds(rig: Rig, judgement: Judgement, evidence: Evidence, options: RecalibrateOptions) -> bool:
+    """Whether the rig's own pose explains the captures too, and is known more closely than they know it."""
+    deviations = drift(rig, judgement, options)
+    if evidence.sigma is None or evidence.sigma.displacement is None:
+        return False
+    pose = rig.projector_from_camera
+    own = TwoViewPose(pose.R, pose.t / np.linalg.norm(pose.t))
+    known = sigma_at(evidence.working_distance, rig_covariance(rig, options), own, rig).displacement
+    return known is not None and known <= evidence.sigma.displacement and deviations <= deviations_limit(HELD)
 
 
-def _seen(fit: PoseFit, rays: FloatArray, disparity: FloatArray) -> FloatArray:
-    points = rays @ fit.pose.R.T + disparity[:, None] * fit.pose.t
-    return points[:, :2] / points[:, 2:]
+HELD = 1e-3
 
 
-def _noise(fit: PoseFit, rays: Rays, rows: IntArray) -> FloatArray:
-    """(N,) noise of a point in the projector, in the unit of its rays."""
-    sigma = np.hypot(rays.points.camera_sigma[rows], rays.points.projector_sigma[rows])
-    return sigma * float(np.hypot(fit.along_noise.level, fit.along_noise.shared))
+def deviations_limit(false_alarms: float) -> float:
+    """Sigma that so large a share of good rigs exceeds: chi with five degrees of freedom."""
+    d = 5.0
+    for _ in range(NEWTON_STEPS):  # P(chi > d) = erfc(d / sqrt 2) + sqrt(2 / pi) exp(-d^2 / 2) (d + d^3 / 3)
+        density = sqrt(2 / pi) * exp(-(d**2) / 2)
+        share = erfc(d / sqrt(2)) + density * (d + d**3 / 3)
+        d += share / (density * d**4 / 3) * log(share / false_alarms)
+    return d
+
+
+NEWTON_STEPS = 20
+
+
+def _measured(
+    rig: Rig,
+    captures: Sequence[Correspondences],
+    rays: Rays,
+    homographies: list[FloatArray],
+    neighbours: IntArray,
+    flatness: float,
+) -> Measured:
+    camera_px, projector_px = np.empty((len(rays), 2)), np.empty((len(rays), 2))
+    for index, capture in enumerate(captures):
+        mine = rays.capture == index
+        camera_px[mine], projector_px[mine] = capture.camera_px[rays.row[mine]], capture.projector_px[rays.row[mine]]
+    missed = homography_residuals(rays.points, homographies)
+    shapes = bow_shapes(rays.points)
+    return Measured(rig, camera_px, projector_px, Support.of(rays), shapes, flatness, neighbours, 0.0, missed)
+
+
+def _foremost(fits: list[PoseFit], points: TwoViewPoints) -> list[PoseFit]:
+    """The few that explain the most points."""
+    level = min(fit.epipolar_noise.level for fit in fits)
+
+    def unexplained(fit: PoseFit) -> int:
+        wrong = ~(np.abs(fit.found.epipolar) < CUTOFF * level)
+        return int(np.count_nonzero(wrong | behind(fit.pose, points, level)))
+
+    return sorted(fits, key=unexplained)[:HYPOTHESES]

@@ -1,10 +1,10 @@
-"""Named limits of the recalibration; each is a number that a user may have a reason to change."""
+"""What the recalibration takes for granted, and how sure it must be."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from math import inf
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Literal
 
 from retrue.errors import InputError
 from retrue.ranges import check_ranges, ranged
@@ -12,6 +12,8 @@ from retrue.values import ByValue
 
 if TYPE_CHECKING:  # so that the command line's help loads no NumPy
     from retrue.geometry.arrays import FloatArray
+
+LensWord = Literal["fixed", "may-have-changed", "refit"]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -40,81 +42,87 @@ class KnownDistance(ByValue):
 
 @dataclass(frozen=True, slots=True)
 class RecalibrateOptions:
-    """Limits of `recalibrate`.
+    """What `recalibrate` takes for granted, and how sure it must be.
 
     Attributes
     ----------
     known_distance
         Two camera pixels and the true length between their points. Without it the old |t| is kept.
-    twin_margin
-        Chi-square by which points off the plane must prefer one of the twin poses.
-    twin_deviations
-        The same in standard deviations of a sum over points that agree by chance.
-    max_behind
-        Share of its plane's points that a pose may have behind a device; the twin often has more, and is impossible.
+    lens
+        Your word on the lenses: "fixed", nobody touched them; "may-have-changed", the answer must not rest on them;
+        "refit", where they did change and the points tell by how much, take the new focal lengths. Without a word they
+        are taken to hold, are checked where the points can, and the answer says which.
+    max_error
+        An answer whose standard deviation moves points at the working distance by a larger share of it is refused.
+    min_margin
+        Log evidence (nats) by which the answer must beat every other explanation; 7 is a thousand to one.
     min_points
         Fewest correspondences, and fewest points on a plane.
     max_planes
         Planes split off from one capture, largest first.
     max_points
         Correspondences used in all; more are thinned out evenly. Neighbours in a dense code repeat each other.
-    max_sigma_rotation_deg
-        A rotation that the points determine less certainly than this is refused.
-    max_sigma_translation_deg
-        Likewise for the direction of t.
     max_noise_px
         Correspondences noisier than this, about the pose that fits them best, are none.
-    max_structure_px
-        Residuals that neighbours share beyond this are no noise: the intrinsics do not hold.
     max_outliers
         Share of correspondences that may contradict the pose.
-    max_contradicting
-        Share of the points that may contradict the pose together, as a surface and not as wrong matches.
-    max_interleaved
-        Share of the points whose neighbour may lie on another plane; mixed pictures of two poses have more.
-    max_change_deg
-        A rotation, or a direction of t, that changed by more than this is refused: no bump does that.
-    max_unchecked_change_deg
-        The same where the points cannot check the focal lengths, as on a bare wall: there a zoom looks like a move.
-    min_fold_deg
-        With t nearer to the plane's normal than this, no covariance holds.
     focal_sigma
-        How well the focal lengths are known, relative; part of the sigma of the pose.
+        How well the focal lengths are known, relative, where the rig does not say; part of the sigma of the pose.
     principal_point_sigma_px
         How well the principal points are known; likewise.
+    k1_sigma
+        How well the first distortion coefficients are known; likewise.
     flatness_sigma
         How far planes are bowed, RMS relative to their distance; likewise.
-    max_focal_change
-        Residuals that ask for a focal length further off than this, relative, are a sign of zoom or focus,
-    focal_deviations
-        if they ask for it with so many standard deviations.
+    rig_sigma_rotation_deg
+        How well a rig knows its own rotation, per axis, where it does not say.
+    rig_sigma_translation_deg
+        Likewise for the direction of t.
     seed
         Of the random samples; the same points and seed give the same answer.
     """
 
     known_distance: KnownDistance | None = None
-    twin_margin: float = ranged(25.0, 0)
-    twin_deviations: float = ranged(3.5, 0)
-    max_behind: float = ranged(0.02, 0, 1)
+    lens: LensWord | None = None
+    max_error: float = ranged(0.03, 0, 1)
+    min_margin: float = ranged(7.0, 0)
     min_points: int = ranged(12, 4)
     max_planes: int = ranged(4, 1)
     max_points: int = ranged(20_000, 4)
-    max_sigma_rotation_deg: float = ranged(1.0, 0, 180)
-    max_sigma_translation_deg: float = ranged(3.0, 0, 180)
     max_noise_px: float = ranged(2.0, 0)
-    max_structure_px: float = ranged(0.1, 0)
     max_outliers: float = ranged(0.65, 0, 1)
-    max_contradicting: float = ranged(0.05, 0, 1)
-    max_interleaved: float = ranged(0.3, 0, 1)
-    max_change_deg: float = ranged(45.0, 0, 180)
-    max_unchecked_change_deg: float = ranged(15.0, 0, 180)
-    min_fold_deg: float = ranged(2.0, 0, 90)
-    focal_sigma: float = ranged(2e-3, 0, 1)
-    principal_point_sigma_px: float = ranged(1.0, 0, 1e6)
-    flatness_sigma: float = ranged(5e-4, 0, 1)
-    max_focal_change: float = ranged(1e-2, 0)
-    focal_deviations: float = ranged(5.0, 0)
+    focal_sigma: float = ranged(2e-3, 0, 1, above=True)
+    principal_point_sigma_px: float = ranged(1.0, 0, 1e6, above=True)
+    k1_sigma: float = ranged(1e-3, 0, 1, above=True)
+    flatness_sigma: float = ranged(5e-4, 0, 1, above=True)
+    rig_sigma_rotation_deg: float = ranged(0.02, 0, 180, above=True)
+    rig_sigma_translation_deg: float = ranged(0.05, 0, 180, above=True)
     seed: int = ranged(0, 0, 2**32 - 1)
+
+    def __post_init__(self) -> None:
+        check_ranges(self)
+        if self.lens not in (None, "fixed", "may-have-changed", "refit"):
+            raise InputError(f"lens: expected fixed, may-have-changed or refit, found {self.lens!r}")
+
+
+@dataclass(frozen=True, slots=True)
+class VerifyOptions:
+    """Limits of `verify`.
+
+    Attributes
+    ----------
+    false_alarms
+        Share of good rigs that may be called drifted.
+    improvable
+        A drift that moves points at the working distance by no larger share of it is called improvable: it is found,
+        and you may live with it.
+    estimate
+        What is taken for granted, and how sure the answer must be.
+    """
+
+    false_alarms: float = ranged(1e-3, 0, 1)
+    improvable: float = ranged(2e-3, 0, 1)
+    estimate: RecalibrateOptions = field(default_factory=RecalibrateOptions)
 
     def __post_init__(self) -> None:
         check_ranges(self)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -37,6 +37,11 @@ class Rays:
     def select(self, rows: IntArray | BoolArray) -> Rays:
         """The same, with only those rows."""
         return Rays(self.points.select(rows), self.capture[rows], self.row[rows])
+
+    def without_planes(self, gone: BoolArray) -> Rays:
+        """The same where the points of those planes (P,) lie on none."""
+        number = np.append(np.where(gone, FREE, np.cumsum(~gone) - 1), FREE)  # the last is that of FREE
+        return replace(self, points=replace(self.points, plane_index=number[self.points.plane_index]))
 
     def thinned(self, count: int, rng: np.random.Generator) -> Rays:
         """At most `count` of them, evenly at random."""

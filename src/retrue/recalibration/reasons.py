@@ -1,23 +1,19 @@
 """Why an answer was refused: a type for each reason, with the figures that it rests on.
 
-`str(reason)` is one sentence for the user, and says what to do; the type is for programs.
+The cause of an answer (`answers.py`) that was not hoped for.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 
+from retrue.answers import Reason
+from retrue.correspondences import Correspondences
 from retrue.errors import DegenerateError
+from retrue.shown import figures
 
-
-@dataclass(frozen=True, slots=True)
-class Reason:
-    """Root of all reasons."""
-
-    @property
-    def name(self) -> str:
-        """The type's name, as files and JSON give it."""
-        return type(self).__name__
+SMALLEST_SHARE = 0.01  # below, there is none to speak of
 
 
 class Undecidable(DegenerateError):
@@ -28,20 +24,25 @@ class Undecidable(DegenerateError):
         super().__init__(str(reason))
 
 
-def reason_of(error: DegenerateError) -> Reason:
-    """The reason that an error stands for."""
-    return error.reason if isinstance(error, Undecidable) else PoseUndetermined(str(error))
+def reason_of(error: DegenerateError, captures: Sequence[Correspondences]) -> Reason:
+    """The reason that an error stands for; what decoders said of the captures explains why there are few points."""
+    reason = error.reason if isinstance(error, Undecidable) else PoseUndetermined(str(error))
+    said = [line for capture in captures if capture.card is not None for line in capture.card.advice]
+    if isinstance(reason, TooFewPoints) and said:
+        return replace(reason, advice="; ".join(dict.fromkeys(said)))
+    return reason
 
 
 @dataclass(frozen=True, slots=True)
 class TooFewPoints(Reason):
-    """Hardly anything was decoded."""
+    """Hardly anything was decoded; the advice is the decoder's own where it has some."""
 
     found: int
     needed: int
+    advice: str = "light more of the scene"
 
     def __str__(self) -> str:
-        return f"expected at least {self.needed} correspondences, found {self.found}; light more of the scene"
+        return f"expected at least {self.needed} correspondences, found {self.found}; {self.advice}"
 
 
 @dataclass(frozen=True, slots=True)
@@ -57,19 +58,6 @@ class PointsNotSpread(Reason):
 
 
 @dataclass(frozen=True, slots=True)
-class NoPlane(Reason):
-    """Nothing flat fills enough of the picture."""
-
-    correspondences: int
-
-    def __str__(self) -> str:
-        return (
-            f"no plane among {self.correspondences} correspondences; have a wall, a board or a table top fill part of"
-            " the picture"
-        )
-
-
-@dataclass(frozen=True, slots=True)
 class PoseUndetermined(Reason):
     """The equations have no unique solution; `problem` is the solver's own sentence."""
 
@@ -77,63 +65,6 @@ class PoseUndetermined(Reason):
 
     def __str__(self) -> str:
         return self.problem
-
-
-@dataclass(frozen=True, slots=True)
-class TwinsUnresolved(Reason):
-    """Two poses explain the plane, and nothing tells which is true.
-
-    Degrees from the old direction of t to that of the nearer and of the farther one.
-    """
-
-    near_deg: float
-    far_deg: float
-
-    def __str__(self) -> str:
-        return (
-            f"two poses explain the plane, {self.near_deg:.0f} and {self.far_deg:.0f} deg from the old direction of t,"
-            " and too little lies off the plane to tell them apart; put an object or a second plane in view"
-        )
-
-
-@dataclass(frozen=True, slots=True)
-class PlaneAndRestContradict(Reason):
-    """The points off the plane prefer one pose clearly, and all points together the other."""
-
-    off_plane: int
-
-    def __str__(self) -> str:
-        return (
-            f"the plane and the {self.off_plane} correspondences off it support different poses; was something moving,"
-            " or a lens zoomed?"
-        )
-
-
-@dataclass(frozen=True, slots=True)
-class PointsBehind(Reason):
-    """The pose has points behind a device, where it sees nothing."""
-
-    share: float
-
-    def __str__(self) -> str:
-        return (
-            f"the pose has {self.share:.0%} of the points behind the camera or the projector; is it this rig's picture,"
-            " and are the two devices not swapped?"
-        )
-
-
-@dataclass(frozen=True, slots=True)
-class Imprecise(Reason):
-    """The points determine a pose, but hardly; one sigma each."""
-
-    rotation_deg: float
-    translation_deg: float
-
-    def __str__(self) -> str:
-        return (
-            f"the points know the pose only to {self.rotation_deg:.2g} deg in rotation and {self.translation_deg:.2g}"
-            " deg in the direction of t; fill more of the picture, or add captures"
-        )
 
 
 @dataclass(frozen=True, slots=True)
@@ -146,113 +77,159 @@ class PointsDisagree(Reason):
     max_noise_px: float
 
     def __str__(self) -> str:
+        found = f"{self.share:.0%} of the correspondences agree with one pose, to {self.noise_px:.2g} px"
+        if not self.share >= SMALLEST_SHARE:
+            found = "no correspondences agree with one pose"
         return (
-            f"{self.share:.0%} of the correspondences agree with one pose, to {self.noise_px:.2g} px; expected"
-            f" {self.needed_share:.0%} or more, to {self.max_noise_px:g} px: was something moving, have the intrinsics"
-            " changed, or is it another rig's picture?"
+            f"{found}; expected {self.needed_share:.0%} or more, to {self.max_noise_px:g} px: was something moving,"
+            " have the intrinsics changed, or is it another rig's picture?"
         )
 
 
 @dataclass(frozen=True, slots=True)
-class ResidualsHaveStructure(Reason):
-    """Neighbouring residuals share an error that no pose explains."""
+class RivalUnbeaten(Reason):
+    """Another explanation is nearly as good; `rival` says which, the margin is log evidence in nats."""
 
-    shared_px: float
+    rival: str
+    margin: float
+    rotation_deg: float
+    translation_deg: float
 
     def __str__(self) -> str:
         return (
-            f"neighbouring residuals share {self.shared_px:.2g} px that no pose explains; have the intrinsics changed"
-            " (zoom, focus)? then calibrate anew"
+            f"{self.rival} explains the captures as well: {self.rotation_deg:.0f} deg away in rotation,"
+            f" {self.translation_deg:.0f} deg in the direction of t; put an object or a second plane in view"
         )
 
 
 @dataclass(frozen=True, slots=True)
-class PlaneContradicts(Reason):
-    """A plane of its own supports another pose."""
-
-    correspondences: int
-
-    def __str__(self) -> str:
-        return (
-            f"a plane with {self.correspondences} correspondences contradicts the pose of the others; was something"
-            " moving, or are pictures of two poses mixed?"
-        )
-
-
-@dataclass(frozen=True, slots=True)
-class SurfaceContradicts(Reason):
-    """Points that contradict the pose, and agree with each other."""
-
-    share: float
-
-    def __str__(self) -> str:
-        return (
-            f"{self.share:.0%} of the points contradict the pose as a surface does, not as wrong matches; was something"
-            " moving, or have the intrinsics changed (zoom, focus)?"
-        )
-
-
-@dataclass(frozen=True, slots=True)
-class PlanesInterleave(Reason):
-    """Neighbouring points lie on different planes all over the picture."""
-
-    share: float
-
-    def __str__(self) -> str:
-        return (
-            f"{self.share:.0%} of the points have a neighbour on another plane, as if two scenes were seen at once; did"
-            " the rig move during the capture, or are pictures of two poses mixed?"
-        )
-
-
-@dataclass(frozen=True, slots=True)
-class FocalLengthChanged(Reason):
-    """The points ask for another focal length of a device; relative, with its sigma."""
-
-    device: str
-    amount: float
-    sigma: float
-
-    def __str__(self) -> str:
-        return (
-            f"the points ask for a focal length of the {self.device} that is {self.amount:+.1%} off"
-            f" (sigma {self.sigma:.1%}); was it zoomed or refocused? then calibrate anew"
-        )
-
-
-@dataclass(frozen=True, slots=True)
-class ImplausibleChange(Reason):
-    """The pose would have changed by more than a bump can.
-
-    `checked`: whether the points speak for the intrinsics too; on a bare plane a zoom looks like a large move.
-    """
+class Imprecise(Reason):
+    """The points determine a pose, but not closely enough: one sigma, as a share of the working distance."""
 
     rotation_deg: float
     translation_deg: float
-    limit_deg: float
-    checked: bool
+    error: float
+    max_error: float
 
     def __str__(self) -> str:
-        moved = (
-            f"the pose would have changed by {self.rotation_deg:.0f} deg, the direction of t by"
-            f" {self.translation_deg:.0f} deg; more than {self.limit_deg:g} deg "
-        )
-        if self.checked:
-            return moved + "no bump does: is it this rig's picture? if it was rebuilt, allow it with --max-change-deg"
-        return moved + (
-            "is not believed of a plane alone, where a zoom looks the same; put objects or a second plane in view, or"
-            " allow it with --max-unchecked-change-deg"
+        return (
+            f"the points know the pose to {self.rotation_deg:.2g} deg in rotation and {self.translation_deg:.2g} deg in"
+            f" the direction of t, which moves points by {self.error:.1%} of their distance; expected"
+            f" {self.max_error:.1%} or less: light more of the scene, at several depths, or add captures"
         )
 
 
 @dataclass(frozen=True, slots=True)
-class NearFold(Reason):
-    """t is almost parallel to the normal of the only plane."""
+class LensChanged(Reason):
+    """The points contradict the rig's lenses; what of which device changed most clearly, in that thing's own unit."""
 
-    angle_deg: float
+    device: str
+    what: str
+    amount: float
+    sigma: float
+    gain: float
+
+    def __str__(self) -> str:
+        form, unit = {"focal length": ("+.1%", ""), "k1": ("+.2g", "")}.get(self.what, ("+.1f", " px"))
+        amount, sigma = f"{self.amount:{form}}{unit}", f"{self.sigma:{form.lstrip('+')}}{unit}"
+        return (
+            f"the points contradict the rig's lenses: they ask for a {self.what} of the {self.device} that is {amount}"
+            f" off (sigma {sigma}); was it zoomed, refocused or cropped? if so, take the new lenses with --lens refit,"
+            " or calibrate anew"
+        )
+
+
+@dataclass(frozen=True, slots=True)
+class PartsContradict(Reason):
+    """Two large parts of the points support a pose each."""
+
+    share: float
+    other_share: float
 
     def __str__(self) -> str:
         return (
-            f"t is within {self.angle_deg:.1f} deg of the plane's normal, where a plane does not determine it; turn the"
-            " plane, or put objects in view"
+            f"{self.share:.0%} of the points support one pose and {self.other_share:.0%} another; did the rig move"
+            " during the capture, are pictures of two poses mixed, or is half of the scene seen in a mirror?"
         )
+
+
+@dataclass(frozen=True, slots=True)
+class CapturesDiffer(Reason):
+    """The captures do not share a pose; which one differs most from the others, counted from 1."""
+
+    capture: int
+    deviations: float
+
+    def __str__(self) -> str:
+        return (
+            f"the captures do not share a pose: number {self.capture} is {self.deviations:.0f} sigma off the others;"
+            " did the rig move between them? then recalibrate on each by itself"
+        )
+
+
+@dataclass(frozen=True, slots=True)
+class LensUnchecked(Reason):
+    """The answer would write over a rig, and rests on a word that nobody gave."""
+
+    def __str__(self) -> str:
+        return (
+            "the points cannot check the lenses, and a rig is only written over on your word that nobody touched"
+            " them; give it with --lens fixed, or show objects at several depths"
+        )
+
+
+@dataclass(frozen=True, slots=True)
+class PoseDrifted(Reason):
+    """The captures support another pose than the rig's; how far away, and what that moves points by."""
+
+    rotation_deg: float
+    translation_deg: float
+    displacement: float | None
+    distance: float | None
+    unit: str
+    deviations: float
+    improvable: bool
+
+    def __str__(self) -> str:
+        moved = drift_text(self.rotation_deg, self.translation_deg, self.displacement, self.distance, self.unit)
+        advice = "recalibrate where so little matters" if self.improvable else "recalibrate"
+        return f"the capture supports another pose: {moved}, {self.deviations:.1f} sigma; {advice}"
+
+
+@dataclass(frozen=True, slots=True)
+class PoseContradicted(Reason):
+    """The points contradict the rig's pose, though they do not tell which other one is right, and `doubt` says why."""
+
+    deviations: float
+    doubt: Reason
+
+    def __str__(self) -> str:
+        return f"the points contradict the rig's pose by {self.deviations:.1f} sigma, though {self.doubt}"
+
+
+@dataclass(frozen=True, slots=True)
+class RaysMiss(Reason):
+    """The two rays of a point miss each other under this rig; RMS of the points that agree best."""
+
+    rms_px: float
+    max_noise_px: float
+
+    def __str__(self) -> str:
+        return (
+            f"the rays of the points miss each other by {figures(self.rms_px, 2)} px under this rig; expected"
+            f" {self.max_noise_px:g} px or less: is it the capture's rig, and does it hold? ask retrue verify"
+        )
+
+
+TOO_LITTLE = (TooFewPoints, PointsNotSpread, PoseUndetermined, Imprecise, RivalUnbeaten)
+"""Causes that say how little the points tell, and nothing against a rig."""
+
+
+def drift_text(
+    rotation_deg: float, translation_deg: float, displacement: float | None, distance: float | None, unit: str
+) -> str:
+    """From the rig's pose to the supported one."""
+    moved = f"{rotation_deg:.3f} deg in rotation, {translation_deg:.3f} deg in the direction of t"
+    if displacement is not None and distance is not None:
+        moved += f", {round(displacement, 9):.4g} {unit} for points at {distance:.4g} {unit}"
+    return moved

@@ -1,4 +1,4 @@
-"""The main job: split off planes -> pose candidates -> refine each on all points -> compare -> judge."""
+"""The main job: hypotheses -> one posterior -> the best beats its rivals, or the answer is refused."""
 
 from __future__ import annotations
 
@@ -9,19 +9,18 @@ import numpy as np
 
 from retrue.correspondences import Correspondences, require_captures
 from retrue.errors import DegenerateError, require_kind
-from retrue.geometry.transform import RigidTransform
-from retrue.rasters import check_captures
-from retrue.recalibration.candidates import Estimate, estimate_pose
-from retrue.recalibration.fit import PoseFit, Support, refine
-from retrue.recalibration.judge import Choice, choose_twin, objection, supporting_rays
+from retrue.rasters import check_captures, picture_mirrored
+from retrue.recalibration.judge import Judgement, holds, judge, objection
+from retrue.recalibration.lens import LENS_PARAMETERS, changed_device
 from retrue.recalibration.options import RecalibrateOptions
-from retrue.recalibration.rays import Rays
-from retrue.recalibration.reasons import Reason, reason_of
+from retrue.recalibration.reasons import reason_of
 from retrue.recalibration.result import (
     Accepted,
     Evidence,
-    PoseCandidate,
+    LensReport,
+    PoseSigma,
     Refused,
+    RivalReport,
     candidate,
     change,
     rms,
@@ -30,7 +29,6 @@ from retrue.recalibration.result import (
     working_distance,
 )
 from retrue.recalibration.scale import translation_length
-from retrue.recalibration.uncertainty import systematic_covariance
 from retrue.rig import Rig, require_rig
 
 KEPT = ("lens_covariance",)  # of the old rig's evidence: its lenses are the new rig's
@@ -39,18 +37,19 @@ KEPT = ("lens_covariance",)  # of the old rig's evidence: its lenses are the new
 def recalibrate(
     rig: Rig, captures: Sequence[Correspondences], options: RecalibrateOptions | None = None
 ) -> Accepted | Refused:
-    """The relative pose of camera and projector, anew, from one or more captures of scenes that hold a plane.
+    """The relative pose of camera and projector, anew, from one or more captures of any scene.
 
     Parameters
     ----------
-    rig : intrinsics that still hold, and the old pose: its |t| gives the scale, and its direction of t tells the
-        twins apart where the scene cannot, unless its rotation clearly speaks against it.
+    rig : intrinsics, with the covariance that the calibration left them, and the old pose: its |t| gives the scale,
+        and a small move is likelier than a large one.
     captures : correspondences of each; several are solved jointly.
-    options : limits, and the known distance.
+    options : what is taken for granted, how sure the answer must be, and the known distance.
 
     Returns
     -------
-    Accepted, with the new rig, or Refused, with none; either with evidence and a reason in one sentence.
+    Accepted, with the new rig, or with the old one where it still holds and is known better; or Refused, with none.
+    Either with evidence and a reason in one sentence.
 
     Raises
     ------
@@ -65,115 +64,86 @@ def recalibrate(
     options = options or RecalibrateOptions()
     require_kind(options, RecalibrateOptions, "options")
     total = sum(len(capture) for capture in captures)
+    if (mirrored := picture_mirrored(captures)) is not None:
+        return Refused(mirrored, Evidence(total))
     try:
-        estimate = estimate_pose(rig, captures, options)
-        choice = choose_twin(estimate.comparison, rig.projector_from_camera, options)
-        if isinstance(choice, Reason):
-            return Refused(choice, _unresolved(rig, estimate, total, options))
-        rays = supporting_rays(estimate, options)
-        chosen = estimate.comparison.fits[choice.index]
-        fit = refine(chosen.pose, Support.of(rays), iterations=2)
-        evidence = _evidence(rig, estimate, rays, choice, fit, total, options)
-        cause = objection(fit, rays, estimate, evidence, options)
+        judgement = judge(rig, captures, options)
     except DegenerateError as error:
-        return Refused(reason_of(error), Evidence(total))
+        return Refused(reason_of(error, captures), Evidence(total))
+    evidence = _evidence(rig, judgement, total, options)
+    cause = objection(judgement, evidence.sigma, evidence.working_distance, options)
     if cause is not None:
         return Refused(cause, evidence)
-    pose = next(candidate for candidate in evidence.candidates if candidate.chosen).projector_from_camera
-    return Accepted(_new_rig(rig, pose, evidence), f"resolved by {choice.resolved_by}", evidence)
+    if judgement.lens.verdict != "changed" and holds(rig, judgement, evidence, options):
+        return Accepted(rig, "the rig still holds, and its pose is known better", evidence, unchanged=True)
+    return Accepted(_new_rig(rig, judgement, evidence), f"resolved by {evidence.resolved_by}", evidence)
 
 
-def _evidence(
-    rig: Rig,
-    estimate: Estimate,
-    rays: Rays,
-    choice: Choice,
-    fit: PoseFit,
-    total: int,
-    options: RecalibrateOptions,
-) -> Evidence:
-    others = [other for k, other in enumerate(estimate.comparison.fits) if k != choice.index]
-    length = _length(rig, rays, fit, options)
+def _evidence(rig: Rig, judgement: Judgement, total: int, options: RecalibrateOptions) -> Evidence:
+    answer, fit = judgement.answer, judgement.answer.fit
+    length = float(np.linalg.norm(rig.projector_from_camera.t))
+    if options.known_distance is not None:
+        first_capture = answer.points.select(judgement.rays.capture == 0)
+        length = translation_length(options.known_distance, rig.camera, fit.pose, first_capture)
+    scored = judgement.compared.fit.explained
     candidates = [
-        candidate(fit, rays.points, fit.explained, length, chosen=True),
-        *_candidates(estimate, others, length),
+        candidate(fit, answer.points, fit.explained, length, chosen=True),
+        *(candidate(r.posterior.fit, r.posterior.points, scored, length, chosen=False) for r in judgement.rivals),
     ]
-    order = [0, 1] if choice.index == 0 else [1, 0]
     found = candidates[0].projector_from_camera
-    distance = working_distance(fit, rays.points, length)
-    covariance = fit.covariance
-    statistical = sigma(covariance)
+    distance = working_distance(fit, answer.points, length)
+    covariance = answer.covariance
+    lens = judgement.lens
     return Evidence(
         correspondences=total,
-        candidates=tuple(candidates[k] for k in order[: len(candidates)]),
+        candidates=tuple(candidates),
         rms_px=rms(fit.found.epipolar[fit.explained]),
         change=change(rig, found, distance),
-        sigma=sigma_at(
-            distance,
-            covariance + systematic_covariance(rig, rays.points, fit, options),
-            fit.pose,
-            replace(rig, projector_from_camera=found),
-        ),
-        resolved_by=choice.resolved_by,
-        scale=_scale_policy(options),
+        sigma=sigma_at(distance, covariance, fit.pose, replace(rig, projector_from_camera=found)),
+        resolved_by=judgement.resolved_by,
+        scale=("the old length of t was kept" if options.known_distance is None else "the known distance in the scene"),
         working_distance=distance,
+        lenses=LensReport.of(lens.verdict, lens.change, lens.sigma, options.lens),
+        rivals=tuple(RivalReport(r.name, r.margin, r.points, r.light, r.move) for r in judgement.rivals),
         details={
             "covariance": covariance.tolist(),
-            "sigma_statistical": {
-                "rotation_deg": statistical.rotation_deg,
-                "translation_deg": statistical.translation_deg,
-            },
-            "points_used": len(estimate.rays),
+            "covariance_statistical": answer.statistical_covariance.tolist(),
+            "sigma_statistical": _angles(sigma(answer.statistical_covariance)),
+            "points_used": len(judgement.rays),
             "points_explained": int(np.count_nonzero(fit.explained)),
+            "points_of_another_pose": 0 if judgement.other_part is None else judgement.other_part.count,
             "planes": len(fit.pose.planes),
             "noise_px": fit.epipolar_noise.level,
             "shared_noise_px": fit.epipolar_noise.shared,
             "planarity_px": float(np.hypot(fit.along_noise.level, fit.along_noise.shared)),
-            "twin_margin": estimate.comparison.margin,
-            "twin_deviations": estimate.comparison.deviations,
         },
     )
 
 
-def _unresolved(rig: Rig, estimate: Estimate, total: int, options: RecalibrateOptions) -> Evidence:
-    fits = list(estimate.comparison.fits)
-    return Evidence(
-        correspondences=total,
-        candidates=tuple(_candidates(estimate, fits, float(np.linalg.norm(rig.projector_from_camera.t)))),
-        rms_px=rms(fits[0].found.epipolar[fits[0].explained]),
-        resolved_by="nothing",
-        scale=_scale_policy(options),
-        details={"twin_margin": estimate.comparison.margin, "twin_deviations": estimate.comparison.deviations},
-    )
+def _angles(known: PoseSigma) -> dict[str, float]:
+    return {"rotation_deg": known.rotation_deg, "translation_deg": known.translation_deg}
 
 
-def _candidates(estimate: Estimate, fits: list[PoseFit], length: float) -> list[PoseCandidate]:
-    """The candidates that were not chosen, on the points that they were compared on."""
-    points = estimate.comparison.rays.points
-    scored = estimate.comparison.fits[0].explained
-    return [candidate(fit, points, scored, length, chosen=False) for fit in fits]
-
-
-def _length(rig: Rig, rays: Rays, fit: PoseFit, options: RecalibrateOptions) -> float:
-    if options.known_distance is None:
-        return float(np.linalg.norm(rig.projector_from_camera.t))
-    first_capture = rays.points.select(rays.capture == 0)
-    return translation_length(options.known_distance, rig.camera, fit.pose, first_capture)
-
-
-def _scale_policy(options: RecalibrateOptions) -> str:
-    return "the old length of t was kept" if options.known_distance is None else "the known distance in the scene"
-
-
-def _new_rig(rig: Rig, pose: RigidTransform, evidence: Evidence) -> Rig:
+def _new_rig(rig: Rig, judgement: Judgement, evidence: Evidence) -> Rig:
+    lenses = {key: rig.evidence[key] for key in ("lens_covariance",) if key in rig.evidence}
+    if judgement.lens.verdict == "changed":
+        lenses = {"lens_covariance": judgement.answer.lens_covariance.tolist()}
+        lens = judgement.answer.parameters.lens
+        rig = replace(
+            rig,
+            camera=changed_device(rig.camera, lens[:LENS_PARAMETERS]),
+            projector=changed_device(rig.projector, lens[LENS_PARAMETERS:]),
+        )
     return replace(
         rig,
-        projector_from_camera=pose,
+        projector_from_camera=evidence.pose or rig.projector_from_camera,
         evidence={
-            "method": "recalibrated from a plane by retrue",
+            "method": "recalibrated by retrue",
             "correspondences": evidence.correspondences,
             "rms_px": evidence.rms_px,
             "resolved_by": evidence.resolved_by,
+            "lens": evidence.lens,
+            **lenses,
             "scale": evidence.scale,
             "working_distance": evidence.working_distance,
             **evidence.details,

@@ -4,27 +4,39 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
+from types import NoneType
 from typing import Any, Literal
 
 import numpy as np
 
+from retrue.answers import Reason
 from retrue.geometry.arrays import BoolArray, FloatArray
 from retrue.geometry.plane import Plane
 from retrue.geometry.transform import RigidTransform
 from retrue.geometry.two_view import FREE, TwoViewPoints, TwoViewPose
 from retrue.recalibration.fit import PoseFit
-from retrue.recalibration.reasons import Reason
+from retrue.recalibration.options import LensWord
+from retrue.recalibration.reasons import TOO_LITTLE, LensUnchecked, PoseDrifted
 from retrue.recalibration.scale import inverse_depths
-from retrue.recalibration.summary import change_text, evidence_rows, verification_rows
+from retrue.recalibration.summary import change_text, evidence_rows, lens_condition, verification_rows
 from retrue.rig import Rig
 from retrue.rig_difference import displacement_rms, rig_difference
 from retrue.shown import HasReport, ShortRepr, Shown, figures
 from retrue.values import ByValue
 
+Band = Literal["holds", "improvable", "recalibrate", "cannot tell"]
+"""What a verification means to people: "improvable" is a drift that is found, and small."""
+
+BANDS: Mapping[Literal["good", "drifted", "unknown"], Band] = {
+    "good": "holds",
+    "drifted": "recalibrate",
+    "unknown": "cannot tell",
+}
+
 
 @dataclass(frozen=True, slots=True, eq=False, repr=False)
 class PoseCandidate(ByValue, ShortRepr):
-    """One of the two poses that explain the plane, after refinement on all points.
+    """One of the poses that explain the captures, after refinement on all points.
 
     Attributes
     ----------
@@ -90,6 +102,52 @@ class PoseSigma(ByValue, ShortRepr):
         return f"{change_text(self)}{displacement}", {}
 
 
+@dataclass(frozen=True, slots=True)
+class LensReport:
+    """What the points say of the lenses.
+
+    Attributes
+    ----------
+    verdict : "checked": they hold; "unchecked": the points do not tell, and the answer rests on the word that nobody
+        touched them; "changed": they do not hold.
+    focal_change, focal_sigma : relative, of camera and projector, as the points have it where lenses are free.
+    word : yours, from the options.
+    """
+
+    verdict: Literal["checked", "unchecked", "changed"]
+    focal_change: tuple[float, float]
+    focal_sigma: tuple[float, float]
+    word: LensWord | None = None
+
+    @classmethod
+    def of(
+        cls,
+        verdict: Literal["checked", "unchecked", "changed"],
+        change: FloatArray,
+        sigma: FloatArray,
+        word: LensWord | None = None,
+    ) -> LensReport:
+        """From the eight lens parameters."""
+        half = len(change) // 2
+        return cls(
+            verdict,
+            (float(np.expm1(change[0])), float(np.expm1(change[half]))),
+            (float(sigma[0]), float(sigma[half])),
+            word,
+        )
+
+
+@dataclass(frozen=True, slots=True)
+class RivalReport:
+    """Another explanation, and the log evidence (nats) by which the answer beats it: in all, and where from."""
+
+    name: str
+    margin: float
+    points: float
+    light: float
+    move: float
+
+
 @dataclass(frozen=True, slots=True, eq=False, repr=False)
 class Evidence(ByValue, ShortRepr):
     """What the verdict rests on. `None` where the work stopped before that was known.
@@ -105,7 +163,19 @@ class Evidence(ByValue, ShortRepr):
     resolved_by: str = ""
     scale: str = ""
     working_distance: float | None = None
+    lenses: LensReport | None = None
+    rivals: tuple[RivalReport, ...] = ()
     details: Mapping[str, Any] = field(default_factory=dict[str, Any])
+
+    @property
+    def pose(self) -> RigidTransform | None:
+        """projector_from_camera that the captures support by themselves, also where the rig's own is kept."""
+        return next((one.projector_from_camera for one in self.candidates if one.chosen), None)
+
+    @property
+    def lens(self) -> Literal["checked", "unchecked", "changed"] | None:
+        """What the points say of the lenses, in one word."""
+        return None if self.lenses is None else self.lenses.verdict
 
     def _shown(self) -> Shown:
         return self.resolved_by and f"resolved by {self.resolved_by}", evidence_rows(self)
@@ -113,14 +183,25 @@ class Evidence(ByValue, ShortRepr):
 
 @dataclass(frozen=True, slots=True, eq=False, repr=False)
 class Accepted(ByValue, ShortRepr, HasReport):
-    """The new rig, why this pose, and the evidence."""
+    """The new rig, why this pose, and the evidence; `unchanged`: the rig still holds, and `rig` is the old one."""
 
     rig: Rig
     reason: str
     evidence: Evidence
+    unchanged: bool = False
+
+    @property
+    def verdict(self) -> Literal["accepted", "unchanged"]:
+        """In one word."""
+        return "unchanged" if self.unchanged else "accepted"
+
+    @property
+    def cause(self) -> None:
+        """Nothing speaks against it."""
 
     def _shown(self) -> Shown:
-        return self.reason, evidence_rows(self.evidence, self.rig.unit)
+        condition = lens_condition(self.evidence.lenses)
+        return f"{condition and f'{condition}, '}{self.reason}", evidence_rows(self.evidence, self.rig.unit)
 
 
 @dataclass(frozen=True, slots=True, eq=False, repr=False)
@@ -129,6 +210,11 @@ class Refused(ByValue, ShortRepr, HasReport):
 
     cause: Reason
     evidence: Evidence
+
+    @property
+    def verdict(self) -> Literal["refused"]:
+        """In one word."""
+        return "refused"
 
     @property
     def reason(self) -> str:
@@ -150,8 +236,9 @@ class Verification(ByValue, ShortRepr, HasReport):
     drift : from the rig to the pose that the capture itself supports; None when unknown.
     sigma : of that drift, the rig's own uncertainty included.
     working_distance : median depth of the points, in the rig's unit.
-    cause : why the answer is "unknown"; None where it is not.
+    cause : why the answer is not "good"; None where it is.
     supported_pose : projector_from_camera that the capture itself supports, with the rig's |t|; None as `drift`.
+    band : the verdict for people: a rig that drifted is "improvable" or one to "recalibrate".
     drift_sigmas : Mahalanobis length of that drift in the sigma of the capture (chi with 5 degrees of freedom).
     """
 
@@ -165,15 +252,37 @@ class Verification(ByValue, ShortRepr, HasReport):
     working_distance: float | None = None
     cause: Reason | None = None
     supported_pose: RigidTransform | None = None
+    band: Band = "cannot tell"
+
+    @property
+    def forbids_measuring(self) -> bool:
+        """Whether points measured from this capture would be wrong: the rig has drifted, by more than is improvable,
+        or neither its pose nor any other explains the capture."""
+        return self.band == "recalibrate" or not isinstance(self.cause, (*TOO_LITTLE, PoseDrifted, NoneType))
 
     def _shown(self) -> Shown:
         return f"{self.verdict}: {self.reason}", verification_rows(self)
 
 
+def unattended(result: Accepted | Refused) -> Accepted | Refused:
+    """The answer where it would write over a rig and nobody reads it first: refused where it rests on no one's word."""
+    lenses = result.evidence.lenses
+    if not isinstance(result, Accepted) or result.unchanged or lenses is None:
+        return result
+    if lenses.verdict == "unchecked" and lenses.word != "fixed":
+        return Refused(LensUnchecked(), result.evidence)
+    return result
+
+
+def refuted(verification: Verification, cause: Reason) -> Verification:
+    """The same where more is known against the rig than its points told."""
+    return replace(verification, verdict="drifted", band=BANDS["drifted"], cause=cause, reason=str(cause))
+
+
 def candidate(fit: PoseFit, points: TwoViewPoints, scored: BoolArray, length: float, *, chosen: bool) -> PoseCandidate:
     """One pose with t of that length; `scored` (N,) are the points that any of the poses explains."""
     planes = points.plane_index
-    largest = int(np.argmax(np.bincount(planes[planes != FREE])))
+    largest = int(np.argmax(np.bincount(planes[planes != FREE], minlength=1)))
     off_plane = scored & (planes != largest)
     return PoseCandidate(
         RigidTransform(fit.pose.R, fit.pose.t * length),
@@ -217,18 +326,6 @@ def sigma_at(distance: float | None, covariance: FloatArray, pose: TwoViewPose, 
     moved = [TwoViewPose(pose.R, pose.t).moved(step) for step in steps.T]
     wrong = [RigidTransform(off.R, off.t * length) for off in moved]
     return replace(angles, displacement=float(np.linalg.norm(displacement_rms(true, true, wrong, distance))))
-
-
-def share_behind(fit: PoseFit, points: TwoViewPoints) -> float:
-    """Share of the points on planes, as far as they agree with the pose, that it has behind a device."""
-    rows = np.flatnonzero(fit.robust_weights[1])
-    if len(rows) == 0:
-        return 0.0
-    x: FloatArray = np.column_stack([points.camera_rays[rows], np.ones(len(rows))])
-    in_camera: FloatArray = (x * fit.pose.planes[points.plane_index[rows]]).sum(axis=1)  # |t| / depth
-    in_projector = x @ fit.pose.R[2] + in_camera * fit.pose.t[2]  # projector depth / camera depth
-    in_front = np.count_nonzero((in_camera > 0) & (in_projector > 0))
-    return 1 - in_front / len(rows)
 
 
 def rms(values: FloatArray) -> float:

@@ -1,73 +1,46 @@
 """Does a capture still fit a rig? Nothing is changed; the answer is good, drifted or unknown.
 
 The epipolar residual alone cannot say: about some axes a wrong rotation hardly moves it, because the
-points trade it for depth. So the capture is asked for the pose that it supports by itself, and that is compared
-with the rig's, in the sigma of the difference.
+points trade it for depth. So the best explanation of the capture is compared with the best one that keeps to the rig's
+pose, as closely as the rig knows it: a likelihood ratio. It contradicts a rig even where it knows no better pose.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import replace
 from typing import Literal
 
 import numpy as np
 
 from retrue.correspondences import Correspondences, require_captures
-from retrue.errors import DegenerateError, InputError, require_kind
-from retrue.geometry.arrays import FloatArray, finite_array
-from retrue.geometry.transform import RigidTransform, direction_angle, vector_from_rotation
-from retrue.geometry.two_view import POSE_PARAMETERS, TwoViewPose, epipolar_residuals, tangent_basis
-from retrue.ranges import check_ranges, ranged
-from retrue.rasters import check_captures
-from retrue.recalibration.candidates import Estimate, estimate_pose
-from retrue.recalibration.fit import PoseFit, Support, refine
-from retrue.recalibration.judge import Choice, choose_twin, imprecision, inconsistency, supporting_rays
-from retrue.recalibration.options import RecalibrateOptions
-from retrue.recalibration.rays import Rays
-from retrue.recalibration.reasons import Imprecise, Reason, reason_of
-from retrue.recalibration.result import Verification, change, rms, sigma_at, working_distance
-from retrue.recalibration.uncertainty import systematic_covariance
+from retrue.errors import DegenerateError, require_kind
+from retrue.geometry.arrays import FloatArray
+from retrue.geometry.transform import RigidTransform
+from retrue.geometry.two_view import TwoViewPose, epipolar_residuals, planes_of_pose
+from retrue.rasters import check_captures, picture_mirrored
+from retrue.recalibration.fit import chi_square
+from retrue.recalibration.judge import Judgement, deviations_limit, drift, judge, objection, rig_covariance
+from retrue.recalibration.options import RecalibrateOptions, VerifyOptions
+from retrue.recalibration.posterior import PosePrior, Prior, fit_posterior
+from retrue.recalibration.reasons import (
+    Imprecise,
+    PoseContradicted,
+    PoseDrifted,
+    Reason,
+    RivalUnbeaten,
+    drift_text,
+    reason_of,
+)
+from retrue.recalibration.result import BANDS, Band, Verification, change, rms, sigma_at, working_distance
 from retrue.rig import Rig, require_rig
-
-
-@dataclass(frozen=True, slots=True)
-class VerifyOptions:
-    """Limits of `verify`.
-
-    Attributes
-    ----------
-    false_alarms
-        Share of good rigs that may be called drifted.
-    rig_sigma_rotation_deg
-        How well a rig knows its own rotation, per axis, where its evidence states no covariance.
-    rig_sigma_translation_deg
-        Likewise for the direction of t.
-    max_sigma_rotation_deg
-        A capture that knows the rotation no better than this says "unknown" rather than "good".
-    max_sigma_translation_deg
-        Likewise for the direction of t.
-    estimate
-        Limits of the estimate itself.
-    """
-
-    false_alarms: float = ranged(1e-3, 0, 1)
-    rig_sigma_rotation_deg: float = ranged(0.02, 0, 180)
-    rig_sigma_translation_deg: float = ranged(0.05, 0, 180)
-    max_sigma_rotation_deg: float = ranged(0.25, 0, 180)
-    max_sigma_translation_deg: float = ranged(1.5, 0, 180)
-    estimate: RecalibrateOptions = field(default_factory=RecalibrateOptions)
-
-    def __post_init__(self) -> None:
-        check_ranges(self)
 
 
 def verify(rig: Rig, captures: Sequence[Correspondences], options: VerifyOptions | None = None) -> Verification:
     """Compare the rig's pose with the one that the captures support by themselves.
 
-    The statistic is d^T C^-1 d, chi-square with five degrees of freedom for a rig that still holds: d is the
-    difference in rotation and direction of t, C the covariance of the capture's pose, of the rig's own (where its
-    evidence gives one), and what uncertain intrinsics do to the pose.
+    The statistic is the likelihood ratio of the best explanation and the best within the rig's own uncertainty, lenses
+    and planes being free within theirs in both: chi-square with five degrees of freedom for a rig that still holds.
 
     Parameters
     ----------
@@ -81,99 +54,79 @@ def verify(rig: Rig, captures: Sequence[Correspondences], options: VerifyOptions
     options = options or VerifyOptions()
     require_kind(options, VerifyOptions, "options")
     total = sum(len(capture) for capture in captures)
+    if (mirrored := picture_mirrored(captures)) is not None:
+        return Verification("unknown", str(mirrored), None, total, cause=mirrored)
     try:
-        return _verify(rig, captures, total, options)
+        judgement = judge(rig, captures, options.estimate)
+        return _verified(rig, judgement, total, options)
     except DegenerateError as error:
-        return Verification("unknown", str(error), None, total, cause=reason_of(error))
+        cause = reason_of(error, captures)
+        return Verification("unknown", str(cause), None, total, cause=cause)
 
 
-def _verify(rig: Rig, captures: Sequence[Correspondences], total: int, options: VerifyOptions) -> Verification:
-    estimate = estimate_pose(rig, captures, options.estimate)
-    rays = supporting_rays(estimate, options.estimate)
-    choice = choose_twin(estimate.comparison, rig.projector_from_camera, options.estimate)
-    fit = _supported_fit(rig, estimate, choice, rays)
-    old = rig.projector_from_camera
-    epipolar_rms = rms(epipolar_residuals(old, rays.points)[fit.explained])
-    difference = pose_difference(fit.pose, old)
-    covariance = (
-        fit.covariance + systematic_covariance(rig, rays.points, fit, options.estimate) + _rig_covariance(rig, options)
-    )
-    distance = float(np.sqrt(difference @ np.linalg.solve(covariance, difference)))
-    supported = RigidTransform(fit.pose.R, fit.pose.t * np.linalg.norm(old.t))
-    depth = working_distance(fit, rays.points, float(np.linalg.norm(old.t)))
+def _verified(rig: Rig, judgement: Judgement, total: int, options: VerifyOptions) -> Verification:
+    answer, pose = judgement.answer, rig.projector_from_camera
+    length = float(np.linalg.norm(pose.t))
+    deviations = drift(rig, judgement, options.estimate)
+    supported = RigidTransform(answer.pose.R, answer.pose.t * length)
+    depth = working_distance(answer.fit, answer.points, length)
     found = change(rig, supported, depth)
-    uncertainty = sigma_at(depth, covariance, fit.pose, rig)
+    uncertainty = sigma_at(depth, answer.covariance, answer.pose, rig)
+    epipolar_rms = rms(epipolar_residuals(pose, judgement.measured.support.points)[~judgement.outside])
 
-    def verdict(word: Literal["good", "drifted", "unknown"], says: str | Reason) -> Verification:
-        cause = says if isinstance(says, Reason) else None
+    def verdict(
+        word: Literal["good", "drifted", "unknown"], says: str | Reason, band: Band | None = None
+    ) -> Verification:
         return Verification(
             word,
             str(says),
             epipolar_rms,
             total,
             found,
-            distance,
+            deviations,
             uncertainty,
             working_distance=depth,
-            cause=cause,
+            cause=says if isinstance(says, Reason) else None,
             supported_pose=supported,
+            band=band or BANDS[word],
         )
 
-    # A covariance that is too wide is beyond the reach of its linearisation: no drift can be read from it either.
-    cause = inconsistency(fit, rays, estimate, options.estimate) or imprecision(fit, uncertainty, options.estimate)
-    if cause is not None:
+    moved = (found.rotation_deg, found.translation_deg, found.displacement, depth, rig.unit)
+    cause = objection(judgement, uncertainty, depth, options.estimate)
+    limit = deviations_limit(options.false_alarms)
+    holds = deviations <= limit
+    if not holds and cause is None:
+        small = found.displacement is not None and depth and found.displacement <= options.improvable * depth
+        return verdict(
+            "drifted", PoseDrifted(*moved, deviations, bool(small)), "improvable" if small else BANDS["drifted"]
+        )
+    if not holds and isinstance(cause, Imprecise | RivalUnbeaten):
+        deviations = min(deviations, contradiction(rig, judgement, options.estimate))
+        if not deviations <= limit:
+            return verdict("drifted", PoseContradicted(deviations, cause))
+    if cause is not None and not (holds and isinstance(cause, RivalUnbeaten)):
         return verdict("unknown", cause)
-    moved = f"{found.rotation_deg:.3f} deg in rotation, {found.translation_deg:.3f} deg in the direction of t"
-    if depth is not None and found.displacement is not None:
-        moved += f", {round(found.displacement, 9):.4g} {rig.unit} for points at {depth:.4g} {rig.unit}"
-    limit = _distance_limit(options.false_alarms)
-    if distance > limit and isinstance(choice, Reason):  # it may have, or this is the twin of a rig that holds
-        return verdict("unknown", choice)
-    if distance > limit:
-        return verdict("drifted", f"the capture supports another pose: {moved}, {distance:.1f} sigma; recalibrate")
-    if not (
-        distance <= limit
-        and uncertainty.rotation_deg <= options.max_sigma_rotation_deg
-        and uncertainty.translation_deg <= options.max_sigma_translation_deg
-    ):
-        return verdict("unknown", Imprecise(uncertainty.rotation_deg, uncertainty.translation_deg))
-    return verdict("good", f"the capture supports the rig's pose: {moved}, {distance:.1f} sigma")
+    return verdict("good", f"the capture supports the rig's pose: {drift_text(*moved)}, {deviations:.1f} sigma")
 
 
-def pose_difference(pose: TwoViewPose, old: RigidTransform) -> FloatArray:
-    """(5,) from the old pose to `pose`, in the frame of `pose_covariance`; an angle also where t is far off."""
-    t = old.t / np.linalg.norm(old.t)
-    across = tangent_basis(pose.t).T @ -t
-    sine = float(np.linalg.norm(across))
-    angle = float(np.arctan2(sine, pose.t @ t))
-    if sine > 0:
-        across = across * (angle / sine)
-    return np.concatenate([vector_from_rotation(pose.R @ old.R.T), across])
+def contradiction(rig: Rig, judgement: Judgement, options: RecalibrateOptions) -> float:
+    """By how many sigma the points themselves contradict the rig's pose: root of the likelihood ratio.
 
-
-def _supported_fit(rig: Rig, estimate: Estimate, choice: Choice | Reason, rays: Rays) -> PoseFit:
-    """The pose of the captures on all points: the resolved candidate, else the one nearer to the rig."""
-    fits = estimate.comparison.fits
-    old = rig.projector_from_camera.t
-    chosen = (
-        fits[choice.index] if isinstance(choice, Choice) else min(fits, key=lambda f: direction_angle(f.pose.t, old))
-    )
-    return refine(chosen.pose, Support.of(rays), iterations=2)
-
-
-def _rig_covariance(rig: Rig, options: VerifyOptions) -> FloatArray:
-    """(5, 5) of the rig's own pose: what its evidence states, else what is usual."""
-    stated = rig.evidence.get("covariance")
-    if stated is None:
-        rotation, translation = np.radians([options.rig_sigma_rotation_deg, options.rig_sigma_translation_deg])
-        return np.diag([rotation**2] * 3 + [translation**2] * 2)
-    covariance = finite_array(stated, (POSE_PARAMETERS, POSE_PARAMETERS), "rig evidence, covariance")
-    if not np.linalg.eigvalsh(covariance)[0] >= -1e-12 * np.abs(covariance).max():
-        raise InputError("rig evidence, covariance: expected a covariance, found negative eigenvalues")
-    return covariance
-
-
-def _distance_limit(false_alarms: float) -> float:
-    from scipy.special import chdtri
-
-    return float(np.sqrt(chdtri(POSE_PARAMETERS, false_alarms)))
+    Planes, bows and lenses are fitted anew at the rig's pose, within its covariance. Where the points hardly tell a
+    pose, their covariance holds near the answer alone, and its distance from the rig says nothing.
+    """
+    answer, measured = judgement.answer, judgement.measured
+    pose = rig.projector_from_camera
+    R, t = pose.R, pose.t / np.linalg.norm(pose.t)
+    lens = answer.prior.lens
+    best = fit_posterior(measured, answer.parameters, Prior(lens, free=True), 10)
+    precision: FloatArray = np.linalg.inv(rig_covariance(rig, options)).astype(np.float64)
+    held = Prior(lens, free=True, pose=PosePrior(R, t, precision))
+    homographies = [answer.pose.R + answer.pose.t[:, None] * n for n in answer.pose.planes]
+    own = TwoViewPose(R, t, planes_of_pose(R, t, homographies))
+    ratios: list[float] = []
+    for start in (replace(answer.parameters, pose=own), answer.parameters):
+        fit = fit_posterior(measured, start, held, 15)
+        lost = chi_square(fit.fit, best.fit) - chi_square(best.fit, best.fit)
+        ratios.append(float(lost.sum()) + fit.prior_cost - best.prior_cost)
+    return float(np.sqrt(max(min(ratios), 0.0)))

@@ -9,6 +9,7 @@ import numpy as np
 
 from retrue.geometry.transform import RigidTransform, direction_angle, rotation_angle, vector_from_rotation
 from retrue.recalibration.result import Evidence, PoseCandidate, PoseChange, PoseSigma
+from retrue.recalibration.summary import lens_text
 from retrue.report.lengths import LengthUnit, degrees, pixels, sentence
 from retrue.report.page import Block, Table, Text
 from retrue.rig import Rig
@@ -21,14 +22,17 @@ LABELS = {
     "noise_px": "Noise of a point, px",
     "shared_noise_px": "Error shared by neighbours, px",
     "planarity_px": "Planes are flat to, px",
-    "twin_margin": "Chi-square by which the chosen pose is preferred",
-    "twin_deviations": "The same, in standard deviations of chance",
+    "points_of_another_pose": "Points of another pose, set aside",
 }
 
 
 def evidence_blocks(before: Rig, evidence: Evidence, unit: LengthUnit) -> tuple[Block, ...]:
-    """The candidates side by side, and what was counted."""
+    """What the lenses are to it, every rival, the candidates side by side, and what was counted."""
     blocks: list[Block] = []
+    if evidence.lenses is not None:
+        blocks.append(Text(f"Lenses: {lens_text(evidence.lenses)}."))
+    if evidence.rivals:
+        blocks.append(_rivals_table(evidence))
     if evidence.scale:
         blocks.append(Text(f"Length of t: {sentence(evidence.scale)}"))
     if evidence.candidates:
@@ -49,10 +53,24 @@ def detail_rows(details: Mapping[str, Any]) -> list[tuple[str, str]]:
 
 
 def candidate_name(candidates: Sequence[PoseCandidate], index: int) -> str:
-    """ "Chosen" and "Twin"; where nothing was chosen, "Pose A" and "Pose B"."""
-    if any(candidate.chosen for candidate in candidates):
-        return "Chosen pose" if candidates[index].chosen else "Twin pose"
-    return f"Pose {'AB'[index]}" if len(candidates) <= 2 else f"Pose {index + 1}"
+    """ "Chosen pose", and the others by their number: "Rival 1" is that of the first row of the rivals."""
+    if candidates[index].chosen:
+        return "Chosen pose"
+    return f"Rival {sum(not candidate.chosen for candidate in candidates[: index + 1])}"
+
+
+def _rivals_table(evidence: Evidence) -> Table:
+    """By how much the answer beats each other explanation, and where from."""
+    rows = tuple(
+        (f"{number}: {rival.name}", *(f"{nats:.1f}" for nats in (rival.margin, rival.points, rival.light, rival.move)))
+        for number, rival in enumerate(evidence.rivals, start=1)
+    )
+    return Table(
+        ("Rival", "margin", "points", "light", "move"),
+        rows,
+        "Log evidence for the answer against each other explanation, all of them refined on all points, and what it is"
+        " made of: the points, the projector's light, the distance from the old pose. 7 is a thousand to one.",
+    )
 
 
 def _candidates_table(before: Rig, candidates: Sequence[PoseCandidate], unit: LengthUnit) -> Table:
@@ -82,8 +100,7 @@ def _candidates_table(before: Rig, candidates: Sequence[PoseCandidate], unit: Le
     return Table(
         rows[0],
         rows[1:],
-        "A plane alone fits two poses equally well. Points off it, a second plane, or the old direction of t tell"
-        " which is real.",
+        "The chosen pose beside its rivals, by the numbers that they have above.",
     )
 
 

@@ -2,25 +2,24 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-
-import numpy as np
+from collections.abc import Mapping, Sequence
 
 from retrue.capture import Capture
-from retrue.recalibration.result import Verification
+from retrue.recalibration.result import Band, Verification
 from retrue.report.evidence_tables import change_table
-from retrue.report.lengths import degrees, pixels, problem_and_advice, shown_unit
-from retrue.report.page import Block, Fact, Page, Section, Table
+from retrue.report.lengths import LengthUnit, degrees, pixels, problem_and_advice, shown_unit
+from retrue.report.page import Block, Fact, Page, Section, Table, Tone
 from retrue.report.residual_section import median_residual, residual_section
 from retrue.report.scene import cloud_of, rig_scene
 from retrue.rig import Rig
 from retrue.shown import figures
 
+TONES: Mapping[Band, Tone] = {"holds": "good", "improvable": "warn", "recalibrate": "bad", "cannot tell": "warn"}
+
 
 def verification_page(rig: Rig, captures: Sequence[Capture], verification: Verification) -> Page:
     """Whether the captures fit the rig, what they support instead, and how sure that is."""
     unit, cloud = shown_unit(rig.unit), cloud_of(rig, captures)
-    distance = None if cloud is None else float(np.median(cloud.points[:, 2]))
     problem, advice = problem_and_advice(verification.reason)
     sections = [
         Section(
@@ -30,17 +29,16 @@ def verification_page(rig: Rig, captures: Sequence[Capture], verification: Verif
         )
     ]
     if verification.drift is not None:
-        table = change_table(verification.drift, verification.sigma, distance, unit)
+        table = change_table(verification.drift, verification.sigma, verification.working_distance, unit)
         lead = "From the rig's pose to the one that the captures support by themselves."
         sections.append(Section("What the captures say", lead, (table, _counts(verification))))
     sections.append(residual_section({"As the rig stands": rig}, captures))
-    good = verification.verdict == "good"
     return Page(
         "verify",
-        verification.verdict.capitalize(),
-        "good" if good else "warn",
+        verification.band.capitalize(),
+        TONES[verification.band],
         problem,
-        _facts(verification, median_residual(rig, captures)),
+        _facts(verification, median_residual(rig, captures), unit),
         tuple(sections),
         advice,
     )
@@ -59,14 +57,16 @@ def _counts(verification: Verification) -> Block:
     )
 
 
-def _facts(verification: Verification, missed: float) -> tuple[Fact, ...]:
-    facts = [Fact("Rays miss by (median)", pixels(missed), f"{verification.correspondences:,} correspondences")]
+def _facts(verification: Verification, missed: float, unit: LengthUnit) -> tuple[Fact, ...]:
+    """One distance: that by which points are off, or, where no pose is supported, that of the rays."""
     drift, sigma = verification.drift, verification.sigma
     if drift is None or sigma is None:
-        return tuple(facts)
-    return (
+        return (Fact("Rays miss by (median)", pixels(missed), f"{verification.correspondences:,} correspondences"),)
+    facts = [
         Fact("Rotation is off by", degrees(drift.rotation_deg), f"± {degrees(sigma.rotation_deg)}"),
         Fact("Direction of t is off by", degrees(drift.translation_deg), f"± {degrees(sigma.translation_deg)}"),
-        Fact("Drift", f"{figures(verification.drift_sigmas, 2)} sigma"),
-        *facts,
-    )
+    ]
+    if drift.displacement is not None and verification.working_distance is not None:
+        note = f"± {unit.text(sigma.displacement)}, at {unit.text(verification.working_distance)}"
+        facts.append(Fact("Measured points are off by", unit.text(drift.displacement), note))
+    return (*facts, Fact("Drift", f"{figures(verification.drift_sigmas, 2)} sigma"))

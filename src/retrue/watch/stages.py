@@ -4,11 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 
 from retrue.correspondences import Correspondences
 from retrue.errors import InputError
 from retrue.patterns.pattern import Pattern
+from retrue.recalibration.options import VerifyOptions
 from retrue.recalibration.result import Accepted, Refused, Verification
 from retrue.rig import Rig
 from retrue.watch.frame import Frame
@@ -29,8 +31,8 @@ class Stages:
     write_cloud: Callable[[Rig, Correspondences, str], Path] | None = None
 
 
-def real_stages(pattern: Pattern | None, clouds: Path | None) -> Stages:
-    """The jobs of the package; `clouds` is the folder for a cloud per frame."""
+def real_stages(pattern: Pattern | None, clouds: Path | None, options: VerifyOptions) -> Stages:
+    """The jobs of the package, both judging by these options; `clouds` is the folder for a cloud per frame."""
     from retrue.decoding.decode import decode
     from retrue.files.ply import write_cloud
     from retrue.rasters import check_extent
@@ -48,7 +50,7 @@ def real_stages(pattern: Pattern | None, clouds: Path | None) -> Stages:
     def verified(rig: Rig, captures: Sequence[Correspondences]) -> Verification:
         for points in captures:
             check_extent(rig, points)
-        return verify(rig, captures)
+        return verify(rig, captures, options)
 
     def cloud_written(rig: Rig, points: Correspondences, name: str) -> Path:
         assert clouds is not None
@@ -56,4 +58,9 @@ def real_stages(pattern: Pattern | None, clouds: Path | None) -> Stages:
         write_cloud(path, reconstruct(rig, points))
         return path
 
-    return Stages(decoded, verified, recalibrate, None if clouds is None else cloud_written)
+    return Stages(
+        decoded,
+        verified,
+        partial(recalibrate, options=options.estimate),
+        None if clouds is None else cloud_written,
+    )

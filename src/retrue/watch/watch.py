@@ -10,11 +10,12 @@ from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import Any
 
+from retrue.answers import Reason, answer_report
 from retrue.correspondences import Correspondences
 from retrue.errors import FileError, RetrueError
 from retrue.files.history import write_in_place
 from retrue.files.rigs import read_rig
-from retrue.recalibration.result import Accepted, Verification
+from retrue.recalibration.result import Accepted, Verification, unattended
 from retrue.recalibration.streak import (
     Drifted,
     Streak,
@@ -33,7 +34,31 @@ from retrue.watch.options import WatchOptions
 from retrue.watch.stages import Stages
 from retrue.watch.state import WatchState, write_state
 
-DISAGREE = "the frames do not agree on one pose: the rig, or something before it, is still moving"
+
+@dataclass(frozen=True, slots=True)
+class FramesHold(Reason):
+    """The frames together do not contradict the rig."""
+
+    def __str__(self) -> str:
+        return "the frames together say that the rig still holds"
+
+
+@dataclass(frozen=True, slots=True)
+class FramesDisagree(Reason):
+    """The pose from all frames is not that of each."""
+
+    def __str__(self) -> str:
+        return "the frames do not agree on one pose: the rig, or something before it, is still moving"
+
+
+@dataclass(frozen=True, slots=True)
+class AttemptFailed(Reason):
+    """An error came in between, as of a full disk."""
+
+    problem: str
+
+    def __str__(self) -> str:
+        return self.problem
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -129,32 +154,35 @@ class Watch:
         self._kept = {number: kept for number, kept in self._kept.items() if number in remembered}
 
     def _recalibrate(self, rig: Rig) -> None:
-        reasons: list[str] = []
+        causes: list[Reason] = []
         seconds: dict[str, float] = {}
         for numbers in attempts(self._streak, self.options):
             kept = [self._kept[number] for number in numbers]
             with _timed(seconds, "recalibrate"):
-                reason = self._attempt(rig, kept, seconds)
-            if reason is None:
+                cause = self._attempt(rig, kept, seconds)
+            if cause is None:
                 return
-            reasons.append(reason)
+            causes.append(cause)
         self._streak = after_refusal(self._streak)
         self.state.counts.refused += 1
-        self.events.write("refused", reason="; ".join(dict.fromkeys(reasons)), seconds=seconds)
+        reason = "; ".join(dict.fromkeys(map(str, causes)))
+        self.events.write("refused", verdict="refused", cause=causes[0].name, reason=reason, seconds=seconds)
 
-    def _attempt(self, rig: Rig, kept: Sequence[_Kept], seconds: dict[str, float]) -> str | None:
+    def _attempt(self, rig: Rig, kept: Sequence[_Kept], seconds: dict[str, float]) -> Reason | None:
         """Recalibrate from these frames and write the rig; why not, where not."""
         captures = [item.points for item in kept]
         try:
-            result = self.stages.recalibrate(rig, captures)
+            result = unattended(self.stages.recalibrate(rig, captures))
             if not isinstance(result, Accepted):
-                return result.reason
+                return result.cause
+            if result.unchanged:
+                return FramesHold()
             verdicts = [self.stages.verify(result.rig, [points]).verdict for points in captures]
             if "drifted" in verdicts or "good" not in verdicts:
-                return DISAGREE
+                return FramesDisagree()
             entry = write_in_place(self.rig_path, result, [item.capture for item in kept])
         except Exception as error:  # a full disk may have room again, and other frames follow
-            return _one_line(error)
+            return AttemptFailed(_one_line(error))
         self._rig, self._stamp = result.rig, _stamp(self.rig_path)
         clouds = [self._cloud(result.rig, item.points, item.name, seconds) for item in self._kept.values()]
         self._streak, self._kept = Streak(), {}
@@ -163,7 +191,7 @@ class Watch:
             "recalibrated",
             history_id=entry.id,
             frames=[item.name for item in kept],
-            reason=result.reason,
+            **answer_report(result),
             change=entry.evidence["change"],
             sigma=entry.evidence["sigma"],
             clouds=[cloud for cloud in clouds if cloud is not None],
@@ -209,8 +237,8 @@ class Watch:
 
 def _verification_values(found: Verification) -> dict[str, Any]:
     return {
-        "verdict": found.verdict,
-        "reason": found.reason,
+        **answer_report(found),
+        "band": found.band,
         "correspondences": found.correspondences,
         "epipolar_rms_px": found.epipolar_rms_px,
         "drift": None if found.drift is None else asdict(found.drift),

@@ -10,7 +10,7 @@ import numpy as np
 
 from retrue.correspondences import Card, Correspondences
 from retrue.decoding.blocks.look import look
-from retrue.decoding.blocks.sight import GridSight, advise
+from retrue.decoding.blocks.sight import GOOD_COUNT, MIRRORED, NOT_THIS, GridSight, advise
 from retrue.decoding.light import around, saturated
 from retrue.errors import InputError
 from retrue.geometry.arrays import FloatArray, Image
@@ -46,6 +46,8 @@ def decode_color_grid(
         where `image` is no picture at all, or the other two are not of its size.
     """
     points = correspondences_of(inspect_color_grid(pattern, image, black, white))
+    if points.card is not None and NOT_THIS in points.card.advice and _is_mirrored(pattern, image, black, white):
+        points = replace(points, card=replace(points.card, advice=(MIRRORED,)))
     return _with_light(points, image, black, white)
 
 
@@ -69,6 +71,13 @@ def inspect_color_grid(
         coarser += 1
         best = max(best, look(pattern, picture, coarser), key=_decoded)
     return best
+
+
+def _is_mirrored(pattern: ColorGrid, image: Image, black: Image | None, white: Image | None) -> bool:
+    """Whether the picture decodes when it is turned over."""
+    turned = [None if one is None else np.ascontiguousarray(one[:, ::-1]) for one in (image, black, white)]
+    assert turned[0] is not None
+    return _decoded(inspect_color_grid(pattern, turned[0], turned[1], turned[2])) >= GOOD_COUNT
 
 
 def correspondences_of(sight: GridSight) -> Correspondences:

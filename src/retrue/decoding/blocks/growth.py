@@ -7,9 +7,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from retrue.decoding.blocks.colors import Colors, local_level
-from retrue.decoding.blocks.links import NONE, nearest
+from retrue.decoding.blocks.links import NONE
 from retrue.decoding.blocks.surface import Joints, lengths, slopes
 from retrue.geometry.arrays import BoolArray, FloatArray, Image, IntArray
+from retrue.geometry.nearest import nearest
 from retrue.kernels import profiles as kernel
 
 SIDES = ((0, 1), (1, 0), (0, -1), (-1, 0))  # (down, right), in the order right, down, left, up

@@ -4,7 +4,9 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from enum import IntEnum
+from typing import cast
 
+import cv2
 import numpy as np
 from numpy.typing import NDArray
 
@@ -16,6 +18,10 @@ from retrue.patterns.color_grid import ColorGrid
 GOOD_COUNT = 30  # points that a job can work with
 SMALLEST_BLOCK = 5.0  # px
 GRAY_CHROMA = 6.0  # grey levels between channels that noise and white balance explain
+LINE_SURROUNDINGS = 16  # in a picture's side
+LINE_CONTRAST = 0.3  # of the picture's scatter
+NET_SHARE = 0.4  # of the picture's width and height
+THINNEST_NET, THICKEST_NET = 0.15, 0.5  # of the box around it that the net fills
 DARK_SHARE, BRIGHT_SHARE = 0.1, 0.9  # of full scale
 
 
@@ -82,6 +88,13 @@ class GridSight:
         return {v.reason: int(counts[v]) for v in Verdict if v != Verdict.DECODED and counts[v]}
 
 
+NOT_THIS = "not this pattern: a grid is there, but its colours are not those of this code"
+MIRRORED = (
+    "the projector's picture is mirrored (rear projection, a ceiling setting, or seen in a mirror): switch it off"
+)
+LINES = "a grid of lines: this decoder reads blocks; project a colour grid of `retrue pattern`"
+
+
 def advise(sight: GridSight, decoded: int) -> str:
     """One sentence for the user; empty where there is nothing to say."""
     if decoded >= GOOD_COUNT:
@@ -98,7 +111,24 @@ def advise(sight: GridSight, decoded: int) -> str:
         return "not a colour picture"
     linked = int(((sight.links.neighbour >= 0).sum(axis=1) >= 3).sum())
     if linked < GOOD_COUNT:
+        if _shows_lines(sight.picture):
+            return LINES
         return "no grid seen: out of focus, or blocks smaller than 5 px: focus, move closer or use a coarser grid"
     if sight.block_px < SMALLEST_BLOCK:
         return "blocks smaller than 5 px: move closer or use a coarser grid"
-    return "not this pattern: a grid is there, but its colours are not those of this code (or it is mirrored)"
+    return NOT_THIS
+
+
+def _shows_lines(picture: Image) -> bool:
+    """Whether what is brighter than its surroundings hangs together as a net over much of the (h, w, 3) picture."""
+    grey: NDArray[np.float32] = picture.max(axis=-1).astype(np.float32)
+    side = max(3, min(grey.shape) // LINE_SURROUNDINGS)
+    around = cast(NDArray[np.float32], cv2.blur(grey, (side, side)))
+    bright = np.asarray(grey > around + LINE_CONTRAST * float(grey.std()), dtype=np.uint8)
+    opened = cv2.morphologyEx(bright, cv2.MORPH_OPEN, np.ones((2, 2), np.uint8))
+    _, _, boxes, _ = cv2.connectedComponentsWithStats(opened, connectivity=4)
+    if len(boxes) < 2:
+        return False
+    *_, width, height, area = (float(value) for value in max(boxes[1:].tolist(), key=lambda box: box[4]))
+    wide = width > NET_SHARE * grey.shape[1] and height > NET_SHARE * grey.shape[0]
+    return wide and THINNEST_NET < area / (width * height) < THICKEST_NET

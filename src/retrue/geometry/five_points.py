@@ -1,0 +1,98 @@
+"""Relative poses of five matches, and the best of many samples among points that may be wrong."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from itertools import combinations_with_replacement
+
+import numpy as np
+
+from retrue.geometry.arrays import FloatArray, IntArray
+from retrue.kernels import essentials as solver
+from retrue.kernels import five_points as kernel
+
+MOST_SOLUTIONS = 20  # ten, and what rounding may add
+SAMPLES, MOST_SAMPLES = 60, 480
+MISSED = np.log(0.01)  # that no sample is all right
+
+# Monomials in (x, y, z, 1) by their factors: ten that are eliminated, then those by which three of the equations are
+# linear in x and y.
+_CUBIC = (
+    *("000", "111", "001", "011", "002", "003", "112", "113", "012", "013"),
+    *("022", "023", "033", "122", "123", "133", "222", "223", "233", "333"),
+)
+_SQUARE = tuple("".join(pair) for pair in combinations_with_replacement("0123", 2))
+
+
+def monomials() -> tuple[IntArray, IntArray]:
+    """Number of the monomial that two factors make (4, 4), and a square and a factor (10, 4)."""
+    return _products("0123", _SQUARE), _products(_SQUARE, _CUBIC)
+
+
+def _products(of: Sequence[str], to: Sequence[str]) -> IntArray:
+    return np.array([[to.index("".join(sorted(one + factor))) for factor in "0123"] for one in of])
+
+
+def five_point_essentials(x: FloatArray, y: FloatArray, samples: IntArray) -> FloatArray:
+    """All essential matrices (K, 3, 3) of norm 1 that samples of five matches allow: y^T E x = 0.
+
+    Parameters
+    ----------
+    x, y : (N, 2) normalised rays of both devices.
+    samples : (S, 5) rows. Of a degenerate sample there is none.
+
+    Source: Nister 2004, "An efficient solution to the five-point relative pose problem".
+    """
+    found = np.empty((MOST_SOLUTIONS * len(samples), 3, 3))
+    rays = np.ascontiguousarray(x), np.ascontiguousarray(y)
+    return found[: solver.essentials(*rays, np.ascontiguousarray(samples), *monomials(), found)]
+
+
+def poses_of_essential(E: FloatArray) -> list[tuple[FloatArray, FloatArray]]:
+    """The four (R, unit t) of an essential matrix E = [t]x R (3, 3), any scale and sign.
+
+    >>> from retrue.geometry.transform import skew
+    >>> sorted(tuple(t.round(6).tolist()) for R, t in poses_of_essential(skew(np.array([1.0, 0, 0]))))[0]
+    (-1.0, 0.0, 0.0)
+    """
+    U, _, Vt = np.linalg.svd(E)
+    U, Vt = U * np.sign(np.linalg.det(U)), Vt * np.sign(np.linalg.det(Vt))
+    W = np.array([[0.0, -1, 0], [1, 0, 0], [0, 0, 1]])
+    return [(U @ w @ Vt, sign * U[:, 2]) for w in (W, W.T) for sign in (1.0, -1.0)]
+
+
+def best_essentials(
+    x: FloatArray, y: FloatArray, noises: Sequence[float], draw: Callable[[int], IntArray], scored: IntArray
+) -> list[FloatArray]:
+    """The essential matrices (3, 3) of samples of five that the most points agree with at each noise: MSAC.
+
+    Where a part of the points is wrong, and noisier than the right ones, they differ. Samples are drawn until one of
+    them is all right with 99 %, by the share that agrees.
+
+    Parameters
+    ----------
+    x, y : (N, 2) normalised rays of both devices.
+    noises : standard deviations of a match to try, in their unit.
+    draw : rows (S, 5) of so many samples.
+    scored : rows that are asked.
+    """
+    best: list[tuple[float, FloatArray]] = [(np.inf, np.empty((0, 0)))] * len(noises)
+    few, drawn, enough = (x[scored], y[scored]), 0, SAMPLES
+    while drawn < min(enough, MOST_SAMPLES):
+        candidates = five_point_essentials(x, y, draw(SAMPLES))
+        drawn += SAMPLES
+        agreeing = 0.0
+        for index, noise in enumerate(noises if len(candidates) else ()):
+            E = candidates[kernel.most_agreed(candidates, *few, 9 * noise**2)]
+            cost = float(np.minimum(sampson_squares(E, *few) / (9 * noise**2), 1).sum())
+            best[index] = min(best[index], (cost, E), key=lambda one: one[0])
+            agreeing = max(agreeing, 1 - best[index][0] / max(len(scored), 1))
+        enough = MISSED / np.log1p(-min(agreeing**5, 0.99)) if agreeing > 0.1 else MOST_SAMPLES
+    return [E for cost, E in best if np.isfinite(cost)]
+
+
+def sampson_squares(E: FloatArray, x: FloatArray, y: FloatArray) -> FloatArray:
+    """(N,) squared Sampson distance of N matches to an essential matrix (3, 3)."""
+    squares = np.empty(len(x))
+    kernel.sampson_squares(E, np.ascontiguousarray(x), np.ascontiguousarray(y), squares)
+    return squares

@@ -1,0 +1,111 @@
+"""Rays through lenses that change: where they go, and how with each unknown."""
+
+from __future__ import annotations
+
+import cython
+from cython.cimports.libc.math import fabs
+
+SETTLED = cython.declare(cython.double, 1e-14)
+NEAR = cython.declare(cython.double, 1e-7)
+FAR = cython.declare(cython.double, 1e3)  # a ray that the lens model cannot reach
+STEPS = cython.declare(cython.Py_ssize_t, 20)
+
+Distorted = cython.struct(
+    x=cython.double,
+    y=cython.double,
+    a=cython.double,  # d x / d ray: a, b; d y / d ray: c, d
+    b=cython.double,
+    c=cython.double,
+    d=cython.double,
+    by_k1=cython.double,  # times the ray
+)
+
+
+@cython.cfunc
+@cython.nogil
+@cython.inline
+@cython.exceptval(check=False)
+def _distort(lens: cython.const[cython.double][::1], x: cython.double, y: cython.double) -> Distorted:
+    """OpenCV's model with all twelve coefficients, and its derivatives."""
+    r2 = x * x + y * y
+    above = 1 + r2 * (lens[0] + r2 * (lens[1] + r2 * lens[4]))
+    below = 1 + r2 * (lens[5] + r2 * (lens[6] + r2 * lens[7]))
+    radial = above / below
+    slope = lens[0] + r2 * (2 * lens[1] + r2 * 3 * lens[4])
+    slope = (slope - radial * (lens[5] + r2 * (2 * lens[6] + r2 * 3 * lens[7]))) / below
+    p1, p2 = lens[2], lens[3]
+    both = 2 * x * y * slope + 2 * p1 * x + 2 * p2 * y
+    thin_x, thin_y = 2 * (lens[8] + 2 * lens[9] * r2), 2 * (lens[10] + 2 * lens[11] * r2)
+    return Distorted(
+        x * radial + 2 * p1 * x * y + p2 * (r2 + 2 * x * x) + r2 * (lens[8] + lens[9] * r2),
+        y * radial + p1 * (r2 + 2 * y * y) + 2 * p2 * x * y + r2 * (lens[10] + lens[11] * r2),
+        radial + 2 * x * x * slope + 2 * p1 * y + 6 * p2 * x + thin_x * x,
+        both + thin_x * y,
+        both + thin_y * x,
+        radial + 2 * y * y * slope + 6 * p1 * y + 2 * p2 * x + thin_y * y,
+        r2 / below,
+    )
+
+
+def move_rays(
+    K: cython.const[cython.double][:, ::1],
+    lens: cython.const[cython.double][::1],
+    pixels: cython.const[cython.double][:, ::1],
+    rays: cython.double[:, ::1],
+) -> None:
+    """`rays` (N, 2) <- those of the pixels, from where they are near: Newton's method.
+
+    `lens` (12,) distorts, `K` is (3, 3).
+    """
+    cython.declare(k=cython.Py_ssize_t)
+    with cython.nogil:
+        fx, skew, fy = K[0, 0], K[0, 1], K[1, 1]
+        for k in range(pixels.shape[0]):
+            x, y = rays[k, 0], rays[k, 1]
+            seen = _distort(lens, x, y)
+            at_y = (pixels[k, 1] - K[1, 2]) / fy
+            at_x = (pixels[k, 0] - K[0, 2] - skew * at_y) / fx
+            error = 0.0
+            for _ in range(STEPS):
+                ex, ey = seen.x - at_x, seen.y - at_y
+                error = max(fabs(ex), fabs(ey))
+                determinant = seen.a * seen.d - seen.b * seen.c
+                if not error > SETTLED or determinant == 0:
+                    break
+                x, y = x - (seen.d * ex - seen.b * ey) / determinant, y - (seen.a * ey - seen.c * ex) / determinant
+                if error < NEAR:  # the next error is its square
+                    break
+                seen = _distort(lens, x, y)
+            determinant = seen.a * seen.d - seen.b * seen.c
+            if not (error < NEAR and determinant > 0 and seen.a > 0 and seen.d > 0):
+                x, y = FAR, FAR
+            rays[k, 0], rays[k, 1] = x, y
+
+
+def turns_of_rays(
+    K: cython.const[cython.double][:, ::1],
+    lens: cython.const[cython.double][::1],
+    rays: cython.const[cython.double][:, ::1],
+    turns: cython.double[:, :, ::1],
+) -> None:
+    """`turns` (N, 2, 4) <- how rays (N, 2) move with the lens, their pixel held.
+
+    That is -(d pixel / d ray)^-1 d pixel / d unknown of the log of the focal length, the principal point and k1.
+    """
+    cython.declare(k=cython.Py_ssize_t)
+    with cython.nogil:
+        fx, skew, fy = K[0, 0], K[0, 1], K[1, 1]
+        for k in range(rays.shape[0]):
+            x, y = rays[k, 0], rays[k, 1]
+            seen = _distort(lens, x, y)
+            # d pixel / d ray = K (a b; c d), its inverse by Cramer's rule.
+            a, b = fx * seen.a + skew * seen.c, fx * seen.b + skew * seen.d
+            c, d = fy * seen.c, fy * seen.d
+            determinant = a * d - b * c
+            scale = -1 / determinant if determinant != 0 else 0.0
+            by_x, by_y = fx * seen.x + skew * seen.y, fy * seen.y
+            turns[k, 0, 0], turns[k, 1, 0] = (d * by_x - b * by_y) * scale, (a * by_y - c * by_x) * scale
+            turns[k, 0, 1], turns[k, 1, 1] = d * scale, -c * scale
+            turns[k, 0, 2], turns[k, 1, 2] = -b * scale, a * scale
+            by_x, by_y = (fx * x + skew * y) * seen.by_k1, fy * y * seen.by_k1
+            turns[k, 0, 3], turns[k, 1, 3] = (d * by_x - b * by_y) * scale, (a * by_y - c * by_x) * scale

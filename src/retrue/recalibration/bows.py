@@ -1,0 +1,50 @@
+"""How a plane may be bowed."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from retrue.geometry.arrays import FloatArray
+from retrue.geometry.two_view import FREE, TwoViewPoints
+
+BOWS = 3
+SCALES = np.geomspace(0.003, 3.7, 19)
+"""Of the stated flatness, how far planes may be bowed: alike before the points speak; their mean square is 1."""
+
+
+def bow_shapes(points: TwoViewPoints) -> FloatArray:
+    """(N, 3) three bows of each plane, together of RMS 1, without what a tilt takes up."""
+    shapes = np.zeros((len(points), BOWS))
+    for plane in range(int(points.plane_index.max(initial=FREE)) + 1):
+        mine = np.flatnonzero(points.plane_index == plane)
+        if len(mine) < 2 * BOWS:
+            continue
+        x = points.camera_rays[mine]
+        linear = np.column_stack([x, np.ones(len(x))])
+        scaled = (x - x.mean(axis=0)) / np.maximum(x.std(axis=0), 1e-300)
+        bows = np.stack([scaled[:, 0] ** 2, scaled[:, 0] * scaled[:, 1], scaled[:, 1] ** 2], axis=1)
+        bows -= linear @ np.linalg.lstsq(linear, bows, rcond=None)[0]
+        shapes[mine] = bows / np.maximum(bows.std(axis=0) * np.sqrt(BOWS), 1e-300)
+    return shapes
+
+
+def measured_scale(bows: FloatArray, information: FloatArray) -> float:
+    """How far planes are bowed, of what was stated: root of the posterior mean of the squared scale s.
+
+    Bows (B,) were found under a normal prior of variance 1, with that prior in their `information` (B, B), all else
+    being free: so the points alone have them at L^-1 (L + 1) b with the information L, and each is N(0, 1 / L + s^2).
+    Planes that are flat within what the points tell are then taken to be about that flat, and cost little.
+
+    >>> flat, bowed = measured_scale(np.zeros(3), np.eye(3) * 401), measured_scale(np.full(3, 0.9), np.eye(3) * 401)
+    >>> flat < 0.1, 0.7 < bowed < 1.3
+    (True, True)
+    """
+    if not len(bows):
+        return 1.0
+    told, axes = np.linalg.eigh(information - np.eye(len(bows)))
+    told = np.maximum(told, 1e-6)
+    found = (axes.T @ bows) * (told + 1) / told
+    spread = 1 + SCALES[:, None] ** 2 * told
+    log_evidence = -0.5 * (np.log(spread) + found**2 * told / spread).sum(axis=1)
+    weights = np.exp(log_evidence - log_evidence.max())
+    return float(np.sqrt(weights @ SCALES**2 / weights.sum()))

@@ -1,0 +1,46 @@
+"""What wrong matches and a few points make by chance is no evidence."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from retrue.geometry.arrays import BoolArray, FloatArray
+from retrue.geometry.robust import CUTOFF
+from retrue.geometry.two_view import FREE, Residuals
+from retrue.recalibration.fit import PoseFit
+
+CHANCE = 3.5  # standard deviations of a sum over points that are there by chance
+AGREES, FAR = 3.0, 30.0  # sigma from the epipolar line: where right points lie, and where wrong ones do, too
+CHANCE_NATS = 12.0  # what five free parameters find among points that lie anywhere
+
+
+def without_chance(fit: PoseFit, aside: BoolArray | None) -> PoseFit:
+    """Points set aside leave no residual, nor do those off all planes that agree with the pose no more than by chance.
+
+    Wrong matches lie as densely within three sigma of their epipolar line as further from it. With n there and c
+    expected, n log(n / c) - (n - c) is the log likelihood ratio of a part that is right; and a pose that is free to
+    move finds the place where most of them agree, so that it must be larger than what that freedom makes.
+    """
+    free = fit.points.plane_index == FREE
+    asked = free if aside is None else free & ~aside
+    apart = np.abs(fit.found.epipolar[asked]) / fit.epipolar_noise.level
+    near = int(np.count_nonzero(apart < AGREES))
+    beyond = int(np.count_nonzero((apart > CUTOFF) & (apart < FAR)))
+    chance = max(beyond, 1) * AGREES / (FAR - CUTOFF)
+    silent = aside
+    if not (near > chance and near * np.log(near / chance) - (near - chance) > CHANCE_NATS):
+        silent = free if aside is None else free | aside
+    if silent is None or not silent.any():
+        return fit
+    both, weights = fit.found.both.copy(), fit.robust_weights.copy()
+    both[:, silent], weights[:, silent] = np.nan, 0.0
+    return replace(fit, found=Residuals(both), robust_weights=weights)
+
+
+def beyond_chance(preferred: FloatArray) -> float:
+    """1 for a sum over points that no chance makes, less where a few of them make it."""
+    squares = float((preferred**2).sum())
+    deviations = float(preferred.sum() / np.sqrt(squares)) if squares > 0 else 0.0
+    return min(1.0, (deviations / CHANCE) ** 2)

@@ -1,0 +1,156 @@
+"""Do the lenses hold? The same fit with lenses that may have changed, against the one that trusts them."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import Literal
+
+import numpy as np
+
+from retrue.errors import DegenerateError
+from retrue.geometry.arrays import FloatArray
+from retrue.geometry.robust import biweight_loss
+from retrue.geometry.two_view import TwoViewPose
+from retrue.recalibration.candidates import behind, same_pose
+from retrue.recalibration.chance import beyond_chance
+from retrue.recalibration.lens import FOCAL, LENS_PARAMETERS, LensPrior, scaled_starts
+from retrue.recalibration.parts import Part
+from retrue.recalibration.posterior import Measured, Parameters, Posterior, Prior, fit_posterior, posterior_at
+from retrue.recalibration.rivals import LOUD, UNEXPLAINED, least, move_deg, move_nats, plane_levels
+
+KNOWN_FOCAL = 0.01
+MISFIT_PX = 0.04  # of a real lens from its model, shared by a part of the picture: no term of the model mends it
+CHANGED_GAIN = 30.0  # of chi-square; eight parameters that nobody touched gain as much once in 5000 times
+DOUBTFUL_GAIN = 9.0
+FAR_MOVE_DEG = 10.0
+FARTHEST = 3.0  # wide sigma that a lens changes by
+PART_PRICE = 60.0  # of chi-square: five free parameters, and the choice of points
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class LensEvidence:
+    """What the points say of the lenses.
+
+    Attributes
+    ----------
+    verdict : "checked": they hold; "unchecked": the points do not tell; "changed": they do not hold.
+    change, sigma : (8,) log focal length, principal point (px), k1 of camera and projector, the lenses being free.
+    gain : of chi-square, lenses being free.
+    posterior : with free lenses, where one was fitted.
+    """
+
+    verdict: Literal["checked", "unchecked", "changed"]
+    change: FloatArray
+    sigma: FloatArray
+    gain: float
+    posterior: Posterior | None = None
+    others: tuple[Posterior, ...] = ()
+
+
+def lens_evidence(
+    measured: Measured,
+    homographies: list[FloatArray],
+    best: Posterior,
+    part: Part | None,
+    tight: LensPrior,
+    wide: LensPrior,
+    old: TwoViewPose,
+) -> LensEvidence:
+    """Fit again with free lenses where that could gain something; else what it would say is at hand."""
+    real = replace(measured, misfit=MISFIT_PX)
+    seen = posterior_at(real, best.parameters, best.prior)
+    pull, told = _believable(seen.lens_pull, seen.lens_information, wide)
+    covariance = _with_prior(told, wide)
+    change = covariance @ pull
+    gain = float(pull @ change - pull @ _with_prior(told, tight) @ pull)
+    noise, moved = best.fit.epipolar_noise, move_deg(best.pose, old)
+    quiet = min(plane_levels(measured), default=np.inf)
+    elsewhere = not (noise.level < min(LOUD * quiet, 1.0) and noise.shared < max(0.5 * noise.level, MISFIT_PX))
+    posterior, others = None, ()
+    if gain > DOUBTFUL_GAIN or elsewhere or moved > FAR_MOVE_DEG:
+        starts = [(best.parameters, 30)]
+        if elsewhere or moved > FAR_MOVE_DEG:  # through other lenses, another pose may be it
+            for lens, pose in scaled_starts(measured.support.points, homographies, 3):
+                starts.append((Parameters.of(pose, lens), 25))
+        fits: list[Posterior] = []
+        for start, iterations in starts:
+            try:
+                fits.append(fit_posterior(real, start, Prior(wide, free=True), iterations))
+            except DegenerateError:
+                continue
+        posterior = least(fits, measured)
+        others = tuple(fit for fit in fits if not same_pose(fit.pose, posterior.pose))
+        gain = _gain(real, best, posterior, tight, part) + 2 * (
+            move_nats(moved) - move_nats(move_deg(posterior.pose, old))
+        )
+        change, covariance = posterior.parameters.lens, posterior.lens_covariance
+    sigma = np.sqrt(np.diag(covariance))
+    known = bool((sigma[FOCAL] <= KNOWN_FOCAL).all())
+    # The change itself must be as clear as what it gains: another fit, of whatever kind, is no proof of a lens.
+    clear = float(change @ np.linalg.solve(covariance + tight.covariance, change))
+    verdict = "changed" if min(gain, clear) > CHANGED_GAIN else "checked" if known else "unchecked"
+    return LensEvidence(verdict, change, sigma, gain, posterior, others)
+
+
+def _believable(pull: FloatArray, told: FloatArray, wide: LensPrior) -> tuple[FloatArray, FloatArray]:
+    """The pull, as far as it asks for changes of less than `FARTHEST` wide sigma; and the information, not below zero.
+
+    Where the points hardly tell of a lens, as of a bare wall, what is left of a pull is rounding and linearisation.
+    """
+    root = np.linalg.cholesky(wide.covariance)
+    values, vectors = np.linalg.eigh(root.T @ told @ root)
+    values = np.maximum(values, 0.0)
+    along = np.clip(vectors.T @ (root.T @ pull), -FARTHEST * values, FARTHEST * values)
+    back = np.linalg.solve(root.T, vectors)
+    return back @ along, (back * values) @ back.T
+
+
+def _with_prior(told: FloatArray, prior: LensPrior) -> FloatArray:
+    """(8, 8) covariance of lenses of which the points tell T: (T + P^-1)^-1 = L (1 + L' T L)^-1 L', with P = L L'.
+
+    So written, it stays positive however much or little the points tell.
+    """
+    root = np.linalg.cholesky(prior.covariance)
+    inverse = np.linalg.inv(np.eye(len(root)) + root.T @ told @ root)
+    return root @ ((inverse + inverse.T) / 2) @ root.T
+
+
+def _gain(measured: Measured, best: Posterior, free: Posterior, prior: LensPrior, part: Part | None) -> float:
+    """Chi-square by which the points prefer the free lenses to those of the prior, wherever that fits best.
+
+    In the noise of the latter, which free lenses must explain.
+    """
+    gains: list[float] = []
+    for start in (best, free):
+        held = fit_posterior(measured, start.parameters, Prior(prior, free=True), 15)
+        costs, price = _joint_costs(held, held), held.prior_cost
+        if part is not None:  # the rival of a changed lens: those points are seen in a mirror, or moved
+            costs[part.rows] = np.minimum(costs[part.rows], 1.0)
+            price += PART_PRICE
+        preferred = costs - _joint_costs(free, held)
+        gains.append((float(preferred.sum()) + price - free.prior_cost) * beyond_chance(preferred))
+    return min(gains)
+
+
+def _joint_costs(posterior: Posterior, reference: Posterior) -> FloatArray:
+    """(N,) saturating chi-square of both residuals of each point together, at one level.
+
+    Noise is seldom alike along and across the epipolar line, and the lens turns that line: taken one by one, the
+    residuals would speak for the lens that turns it along the axes of the noise.
+    """
+    across, along = reference.fit.epipolar_noise, reference.fit.along_noise
+    level = float(np.hypot(across.level, along.level) / np.sqrt(2))
+    found = np.hypot(posterior.fit.found.epipolar, np.nan_to_num(posterior.fit.found.along))
+    found = biweight_loss(found / level)
+    hidden = behind(posterior.pose, posterior.points, posterior.fit.epipolar_noise.level)
+    found = np.where(hidden, np.maximum(found, UNEXPLAINED), found)
+    return found * level**2 / np.minimum(across.variance, along.variance)
+
+
+def effective_prior(tight: LensPrior, lens: LensEvidence) -> LensPrior:
+    """Where the points check the focal lengths, they are not believed more closely than a third of what those tell."""
+    if lens.verdict != "checked":
+        return tight
+    widened = np.zeros(2 * LENS_PARAMETERS)
+    widened[FOCAL] = np.maximum((lens.sigma[FOCAL] / 3) ** 2 - np.diag(tight.covariance)[FOCAL], 0.0)
+    return LensPrior(tight.covariance + np.diag(widened))

@@ -1,0 +1,94 @@
+"""What was measured, through whichever lenses: matched pixels, their rays, their planes and how those may be bowed."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+
+from retrue.geometry.arrays import BoolArray, FloatArray, IntArray
+from retrue.geometry.camera import Camera
+from retrue.geometry.two_view import TwoViewPoints
+from retrue.kernels import lenses as kernel
+from retrue.recalibration.fit import Support
+from retrue.recalibration.lens import LENS_PARAMETERS, changed_device, lens_numbers, magnification
+from retrue.rig import Rig
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Measured:
+    """Matched pixels of all captures, and what does not change from one fit to the next.
+
+    Attributes
+    ----------
+    rig : whose lenses may change.
+    camera_px, projector_px : (N, 2).
+    support : their rays through the rig's own lenses, with planes and blocks.
+    shapes : (N, 3) bows of each point's plane, RMS 1 over the plane; 0 of points on none.
+    flatness : RMS bow of planes, relative to their distance.
+    neighbours : (N, 4) rows of the nearest points in the picture; (N, 0) where nobody asks.
+    misfit : px, what no lens model explains of a real lens, and a part of the picture shares; part of the noise.
+    homography_residuals : (N, 2) that each plane's homography leaves by itself.
+    aside : (N,) rows that belong to another pose and leave no residual.
+    """
+
+    rig: Rig
+    camera_px: FloatArray
+    projector_px: FloatArray
+    support: Support
+    shapes: FloatArray
+    flatness: float
+    neighbours: IntArray
+    misfit: float = 0.0
+    homography_residuals: FloatArray = field(default_factory=lambda: np.empty((0, 2)))
+    aside: BoolArray | None = None
+
+    def __len__(self) -> int:
+        return len(self.camera_px)
+
+    @property
+    def bends(self) -> FloatArray:
+        """(N, 3) share of its plane's disparity that each bow moves a point by."""
+        return self.shapes * self.flatness
+
+    def seen(self, lens: FloatArray) -> TwoViewPoints:
+        """The rays through changed lenses (8,); their noise is one of pixels."""
+        points = self.support.points
+        if not lens.any():
+            return points
+        rays = [points.camera_rays.copy(), points.projector_rays.copy()]
+        sigmas = [points.camera_sigma, points.projector_sigma]
+        for index, (device, pixels) in enumerate(self._devices):
+            change = lens[index * LENS_PARAMETERS : (index + 1) * LENS_PARAMETERS]
+            nominal = magnification(device, rays[index])
+            kernel.move_rays(*lens_numbers(device, change), pixels, rays[index])
+            sigmas[index] = sigmas[index] * nominal / magnification(changed_device(device, change), rays[index])
+        return TwoViewPoints(rays[0], rays[1], sigmas[0], sigmas[1], points.plane_index)
+
+    def turns(self, lens: FloatArray, rays: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """How each parameter of changed lenses (8,) moves rays (2, N, 2) of camera and projector: (N, 2, 4) each."""
+        turns = np.empty((2, rays.shape[1], 2, LENS_PARAMETERS))
+        for index, (device, _) in enumerate(self._devices):
+            change = lens[index * LENS_PARAMETERS : (index + 1) * LENS_PARAMETERS]
+            kernel.turns_of_rays(*lens_numbers(device, change), rays[index], turns[index])
+        return turns[0], turns[1]
+
+    def select(self, rows: IntArray | BoolArray) -> Measured:
+        """The same, with only those rows."""
+        return replace(
+            self,
+            camera_px=self.camera_px[rows],
+            projector_px=self.projector_px[rows],
+            support=Support(self.support.points.select(rows), np.ascontiguousarray(self.support.blocks[:, rows])),
+            shapes=self.shapes[rows],
+            neighbours=np.empty((0, 0), dtype=np.int64),
+            homography_residuals=self.homography_residuals[rows]
+            if len(self.homography_residuals)
+            else self.homography_residuals,
+            aside=None if self.aside is None else self.aside[rows],
+        )
+
+    @property
+    def _devices(self) -> tuple[tuple[Camera, FloatArray], tuple[Camera, FloatArray]]:
+        """Camera and projector, each with its pixels."""
+        return (self.rig.camera, self.camera_px), (self.rig.projector, self.projector_px)

@@ -1,0 +1,196 @@
+"""Points, or captures, of another pose than the answer's: those that share one are set aside, and named."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from retrue.errors import DegenerateError
+from retrue.geometry.arrays import BoolArray, FloatArray
+from retrue.geometry.five_points import best_essentials, sampson_squares
+from retrue.geometry.robust import CUTOFF, biweight_level
+from retrue.geometry.two_view import FREE, POSE_PARAMETERS, TwoViewPoints
+from retrue.recalibration.candidates import behind
+from retrue.recalibration.posterior import Measured, PosePrior, Posterior, fit_posterior
+from retrue.recalibration.rays import Rays
+
+FEWEST_OF_A_PART = 15
+CENTRES = 50  # shifts to look for others about
+SHARE_OF_A_PART = 0.3  # of the unexplained points; five free choices among wrong matches bring few together
+MOST_OF_A_PLANE = 0.5  # of its points, that the pose explains though the plane belongs to another
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Part:
+    """Points that share another explanation than the pose.
+
+    A reflected scene has an essential matrix of its own, what moved has one, too; a plane has its homography.
+
+    Attributes
+    ----------
+    rows : (N,) which.
+    parameters : how many free ones it has.
+    missed : (rows, 1 or 2) residuals that it leaves, across the epipolar line or both, in the points' own sigma.
+    level : their noise.
+    essential, reach : its essential matrix (3, 3), where it has one, and how far from it points agree.
+    """
+
+    name: str
+    rows: BoolArray
+    parameters: int
+    missed: FloatArray
+    level: float
+    essential: FloatArray | None = None
+    reach: float = 0.0
+
+    @property
+    def count(self) -> int:
+        """How many they are."""
+        return int(np.count_nonzero(self.rows))
+
+
+def unexplained(posterior: Posterior) -> BoolArray:
+    """(N,) points that the pose does not explain."""
+    noise = posterior.fit.epipolar_noise
+    level = float(np.hypot(noise.level, noise.shared))
+    wrong = ~(np.abs(posterior.fit.found.epipolar) < CUTOFF * level)
+    return wrong | behind(posterior.pose, posterior.points, level)
+
+
+def homography_residuals(points: TwoViewPoints, homographies: Sequence[FloatArray]) -> FloatArray:
+    """(N, 2) what the homography of each point's plane leaves by itself, in the point's own sigma; NaN on none."""
+    missed = np.full((len(points), 2), np.nan)
+    for index, H in enumerate(homographies):
+        mine = points.plane_index == index
+        x = np.column_stack([points.camera_rays[mine], np.ones(np.count_nonzero(mine))]) @ H.T
+        magnified = np.sqrt(np.abs(np.linalg.det(H) / x[:, 2] ** 3))
+        sigma = np.hypot(points.camera_sigma[mine] * magnified, points.projector_sigma[mine])
+        missed[mine] = (points.projector_rays[mine] - x[:, :2] / x[:, 2:]) / sigma[:, None]
+    return missed
+
+
+def planes_apart(posterior: Posterior, outside: BoolArray, missed: FloatArray) -> list[Part]:
+    """Planes that the pose does not explain: each still has its homography, and what that misses its points by."""
+    plane = posterior.points.plane_index
+    found: list[Part] = []
+    for index in range(len(posterior.pose.planes)):
+        members = plane == index
+        rows = members & (outside | ~(posterior.fit.robust_weights[1] > 0))
+        if np.count_nonzero(rows) > max(FEWEST_OF_A_PART, (1 - MOST_OF_A_PLANE) * np.count_nonzero(members)):
+            found.append(Part("a plane of its own", members, 8, missed[members], _level(missed[members])))
+    return found
+
+
+def shifted_copy(posterior: Posterior, outside: BoolArray) -> Part | None:
+    """Unexplained points that one shift, in either picture, puts where a plane has them; None where no many are.
+
+    Repeated texture, or a code that repeats, makes such matches. The shift is the mode of what the points ask for.
+    """
+    points, pose = posterior.points, posterior.pose
+    rows = np.flatnonzero(outside)
+    fewest = max(FEWEST_OF_A_PART, int(SHARE_OF_A_PART * len(rows)))
+    if len(rows) < fewest:
+        return None
+    noise = _noise(points, np.hypot(posterior.fit.along_noise.level, posterior.fit.along_noise.shared)) * 4
+    x = np.column_stack([points.camera_rays[rows], np.ones(len(rows))])
+    y = np.column_stack([points.projector_rays[rows], np.ones(len(rows))])
+    best, shifted = None, np.empty((0, 2))
+    for n in pose.planes:
+        H = pose.R + np.outer(pose.t, n)
+        with np.errstate(all="ignore"):
+            forth, back = x @ H.T, y @ np.linalg.inv(H).T
+            shifts = (y[:, :2] - forth[:, :2] / forth[:, 2:], x[:, :2] - back[:, :2] / back[:, 2:])
+        for shift in shifts:
+            near = np.abs(shift[:, None] - shift[None, :: max(1, len(rows) // CENTRES)]).max(axis=2) < noise
+            mode = near[:, int(np.argmax(near.sum(axis=0)))]
+            if np.count_nonzero(mode) >= fewest and (best is None or np.count_nonzero(mode) > np.count_nonzero(best)):
+                best, shifted = mode, np.asarray(shift[mode], dtype=np.float64)
+    if best is None:
+        return None
+    copy = np.zeros(len(outside), dtype=np.bool_)
+    copy[rows[best]] = True
+    missed: FloatArray = (shifted - np.median(shifted, axis=0)) / _sigma(points.select(copy))[:, None]
+    return Part("a shifted copy", copy, 2, missed, _level(missed))
+
+
+def other_part(posterior: Posterior, outside: BoolArray, rng: np.random.Generator) -> Part | None:
+    """The unexplained points that share another pose, where they are more than chance brings together.
+
+    With them those that agree with both poses, unless they lie on a plane that the answer explains.
+    """
+    rows = np.flatnonzero(outside)
+    if len(rows) < FEWEST_OF_A_PART:
+        return None
+    points = posterior.points.select(rows)
+    noise = _noise(points, np.hypot(posterior.fit.epipolar_noise.level, posterior.fit.epipolar_noise.shared))
+    scored = rng.permutation(len(rows))[:600]
+    found = best_essentials(
+        points.camera_rays, points.projector_rays, [noise], lambda count: rng.integers(0, len(rows), (count, 5)), scored
+    )
+    if not found:
+        return None
+    E = found[0]
+    agree = sampson_squares(E, points.camera_rays, points.projector_rays) < (3 * noise) ** 2
+    if np.count_nonzero(agree) < max(FEWEST_OF_A_PART, SHARE_OF_A_PART * len(rows)):
+        return None
+    return part_of_essential(posterior, outside, E, 3 * noise)
+
+
+def part_of_essential(posterior: Posterior, outside: BoolArray, E: FloatArray, reach: float) -> Part:
+    """The points that agree with E (3, 3) to within `reach`, and do not lie on a plane that the pose explains."""
+    points = posterior.points
+    loose = outside | (points.plane_index == FREE) | ~(posterior.fit.robust_weights[1] > 0)
+    squares = sampson_squares(E, points.camera_rays, points.projector_rays)
+    rows = loose & (squares < reach**2)
+    missed: FloatArray = np.sqrt(squares[rows, None]) / _sigma(points.select(rows))[:, None]
+    level = max(posterior.fit.epipolar_noise.level, _level(missed))
+    return Part("another pose", rows, POSE_PARAMETERS, missed, level, E, reach)
+
+
+def set_aside(measured: Measured, part: Part) -> Measured:
+    """The same without the points of that part: they stay in their rows and leave no residual."""
+    return replace(measured, aside=part.rows if measured.aside is None else part.rows | measured.aside)
+
+
+def parts_apart(posterior: Posterior, part: Part | None, missed: FloatArray) -> list[Part]:
+    """What the pose does not explain, though it has an explanation: planes, and those of `part` among all points."""
+    outside = unexplained(posterior)
+    found = planes_apart(posterior, outside, missed)
+    if part is not None and part.essential is not None:
+        found.append(part_of_essential(posterior, outside, part.essential, part.reach))
+    return found
+
+
+def differing_capture(measured: Measured, rays: Rays, answer: Posterior) -> tuple[int, float] | None:
+    """The capture whose own pose is furthest from the joint one, in its own sigma; None where there is only one."""
+    captures = int(rays.capture.max()) + 1
+    if captures < 2:
+        return None
+    joint = PosePrior(answer.pose.R, answer.pose.t, np.eye(POSE_PARAMETERS))
+    furthest = (0, 0.0)
+    for capture in range(captures):
+        part = replace(measured, aside=None).select(rays.capture == capture)  # all of them may be of another pose
+        try:
+            own = fit_posterior(part, answer.parameters, answer.prior, 4)
+            difference = joint.difference(own.pose)
+            deviations = float(np.sqrt(difference @ np.linalg.solve(own.covariance, difference)))
+        except DegenerateError:  # it says nothing by itself
+            continue
+        if deviations > furthest[1]:
+            furthest = capture, deviations
+    return furthest
+
+
+def _sigma(points: TwoViewPoints) -> FloatArray:
+    """(N,) of each match, in the unit of the rays."""
+    return np.hypot(points.camera_sigma, points.projector_sigma)
+
+
+def _level(missed: FloatArray) -> float:
+    return biweight_level(missed.ravel())
+
+
+def _noise(points: TwoViewPoints, level: float) -> float:
+    return float(np.median(_sigma(points))) * float(level)

@@ -1,0 +1,347 @@
+"""One posterior: the pose, the planes with their bow, and both lenses, from all points of all captures.
+
+The lenses have the distribution that the calibration left them with; planes are flat up to a bow of known size. So the
+covariance of the pose, the marginal of all that, holds what uncertain lenses and bowed walls do to it, and a lens that
+the points contradict moves away from its prior instead of bending the pose.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+
+from retrue.errors import DegenerateError
+from retrue.geometry.arrays import BoolArray, FloatArray, IntArray
+from retrue.geometry.robust import COVARIANCE_FACTOR, Noise
+from retrue.geometry.transform import vector_from_rotation
+from retrue.geometry.two_view import (
+    NO_TURNS,
+    PARAMETERS,
+    POSE_PARAMETERS,
+    TwoViewPoints,
+    TwoViewPose,
+    corrected_rays,
+    normal_blocks,
+    tangent_basis,
+)
+from retrue.recalibration.bows import BOWS
+from retrue.recalibration.chance import without_chance
+from retrue.recalibration.fit import PoseFit, Support, chi_square, evaluate, solve_normal_equations
+from retrue.recalibration.lens import LENS_PARAMETERS, LensPrior
+from retrue.recalibration.measured import Measured
+
+LENSES = 2 * LENS_PARAMETERS
+SETTLED = 1e-3  # of a squared standard deviation
+FLAT = 0.02  # of chi-square: what a damped step gains along a valley where nothing more is to be told
+MUCH_DAMPING, LARGEST_DAMPING = 0.3, 1e6
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Parameters:
+    """All unknowns.
+
+    Attributes
+    ----------
+    pose : R, unit t, planes.
+    lens : (8,) changes of both lenses, see `lens`.
+    bows : (P, 3) of the planes, in units of `flatness`.
+    """
+
+    pose: TwoViewPose
+    lens: FloatArray
+    bows: FloatArray
+
+    @classmethod
+    def of(cls, pose: TwoViewPose, lens: FloatArray | None = None) -> Parameters:
+        """A pose seen through the rig's own lenses, or changed ones; planes flat."""
+        return cls(pose, np.zeros(LENSES) if lens is None else lens, np.zeros((len(pose.planes), BOWS)))
+
+    def without_planes(self, gone: BoolArray) -> Parameters:
+        """The same without those planes (P,)."""
+        pose = replace(self.pose, planes=self.pose.planes[~gone])
+        return replace(self, pose=pose, bows=self.bows[~gone])
+
+    def moved(self, step: FloatArray) -> Parameters:
+        """By a step of the pose and planes (5 + 3 P), the lenses (8) and the bows (3 P)."""
+        size = POSE_PARAMETERS + 3 * len(self.pose.planes)
+        return Parameters(
+            self.pose.moved(step[:size]),
+            self.lens + step[size : size + LENSES],
+            self.bows + step[size + LENSES :].reshape(-1, BOWS),
+        )
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class PosePrior:
+    """What is known of the pose beforehand.
+
+    Attributes
+    ----------
+    R, t : (3, 3) and unit (3,).
+    precision : (5, 5) inverse covariance, see `pose_covariance`.
+    """
+
+    R: FloatArray
+    t: FloatArray
+    precision: FloatArray
+
+    def difference(self, pose: TwoViewPose) -> FloatArray:
+        """(5,) from this pose to another one, in the other's frame; an angle also where t is far off."""
+        across = tangent_basis(pose.t).T @ -self.t
+        sine = float(np.linalg.norm(across))
+        if sine > 0:
+            across = across * (float(np.arctan2(sine, pose.t @ self.t)) / sine)
+        return np.concatenate([vector_from_rotation(pose.R @ self.R.T), across])
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Prior:
+    """What is known beforehand.
+
+    Attributes
+    ----------
+    lens : of the lenses.
+    free : whether the points may move the lenses. Else those stay as they are, and widen the covariance: what a real
+        lens leaves over is larger than the noise of many points, and would be taken for a change.
+    pose : of the pose, where an old one is asked about.
+    """
+
+    lens: LensPrior
+    free: bool = False
+    pose: PosePrior | None = None
+
+    def cost(self, parameters: Parameters) -> float:
+        """Squared Mahalanobis length of the parameters in it."""
+        cost = float(parameters.lens @ self.lens.precision @ parameters.lens) + float((parameters.bows**2).sum())
+        if self.pose is not None:
+            difference = self.pose.difference(parameters.pose)
+            cost += float(difference @ self.pose.precision @ difference)
+        return cost
+
+
+@dataclass(frozen=True, eq=False)
+class Posterior:
+    """One place of the parameters, and the shape of the posterior there.
+
+    Attributes
+    ----------
+    parameters : pose, planes, lenses, bows.
+    prior : as it was taken.
+    points : rays through those lenses.
+    fit : residuals, noise and weights there; its normal equations are those of the pose and the planes alone.
+    measured : what it was fitted to.
+    """
+
+    parameters: Parameters
+    prior: Prior
+    points: TwoViewPoints
+    fit: PoseFit
+    measured: Measured
+
+    @property
+    def information(self) -> FloatArray:
+        """Of all parameters, priors included."""
+        return self._normal_equations[0]
+
+    @property
+    def gradient(self) -> FloatArray:
+        """Likewise."""
+        return self._normal_equations[1]
+
+    @cached_property
+    def _normal_equations(self) -> tuple[FloatArray, FloatArray]:
+        return _normal_equations(self, lenses=True)
+
+    @cached_property
+    def _equations_of_a_step(self) -> tuple[FloatArray, FloatArray]:
+        """Of what the points may move."""
+        if self.prior.free:
+            return self._normal_equations
+        own, _ = self._parts
+        information, gradient = _normal_equations(self, lenses=False)
+        return information[np.ix_(own, own)], gradient[own]
+
+    @property
+    def pose(self) -> TwoViewPose:
+        """R, unit t, planes."""
+        return self.parameters.pose
+
+    @property
+    def covariance(self) -> FloatArray:
+        """(5, 5) of the pose, see `pose_covariance`: all else is free within its prior.
+
+        Lenses that are not free move the pose by S = -A^-1 B a change, A and B the information of all else and its
+        part with the lenses: the covariance is A^-1 + S P S^T (Schmidt's consider covariance).
+        """
+        if self.prior.free:
+            return _inverse(self.information)[:POSE_PARAMETERS, :POSE_PARAMETERS] * COVARIANCE_FACTOR
+        own, lens = self._parts
+        inverse = _inverse(self.information[np.ix_(own, own)])[:POSE_PARAMETERS]
+        follows = inverse @ self.information[np.ix_(own, lens)]
+        return inverse[:, :POSE_PARAMETERS] * COVARIANCE_FACTOR + follows @ self.prior.lens.covariance @ follows.T
+
+    @property
+    def statistical_covariance(self) -> FloatArray:
+        """(5, 5) of the pose, the lenses being exactly as they are."""
+        own, _ = self._parts
+        return _inverse(self.information[np.ix_(own, own)])[:POSE_PARAMETERS, :POSE_PARAMETERS] * COVARIANCE_FACTOR
+
+    @property
+    def lens_covariance(self) -> FloatArray:
+        """(8, 8) of free lenses, all else being free too."""
+        _, lens = self._parts
+        return _inverse(self.information)[np.ix_(lens, lens)]
+
+    @property
+    def lens_information(self) -> FloatArray:
+        """(8, 8) what the points alone say of both lenses, all else being free."""
+        own, lens = self._parts
+        cross = self.information[np.ix_(own, lens)]
+        told = self.information[np.ix_(lens, lens)] - cross.T @ solve_normal_equations(
+            self.information[np.ix_(own, own)], cross
+        )
+        return (told + told.T) / 2 - self.prior.lens.precision
+
+    @property
+    def lens_pull(self) -> FloatArray:
+        """(8,) where the points alone draw the lenses, in the metric of `lens_information`, all else having settled."""
+        own, lens = self._parts
+        cross = self.information[np.ix_(own, lens)]
+        settled = solve_normal_equations(self.information[np.ix_(own, own)], self.gradient[own])
+        pull = cross.T @ settled - self.gradient[lens]
+        return pull + self.prior.lens.precision @ self.parameters.lens
+
+    @property
+    def bow_information(self) -> FloatArray:
+        """(3 P, 3 P) of the bows, priors included, pose and planes being free, the lenses as they are."""
+        first = POSE_PARAMETERS + 3 * len(self.pose.planes)
+        rest, bows = np.arange(first), np.arange(first + LENSES, first + LENSES + BOWS * len(self.pose.planes))
+        cross = self.information[np.ix_(rest, bows)]
+        told = self.information[np.ix_(bows, bows)] - cross.T @ solve_normal_equations(
+            self.information[np.ix_(rest, rest)], cross
+        )
+        return (told + told.T) / 2
+
+    @property
+    def _parts(self) -> tuple[IntArray, IntArray]:
+        """Numbers of all parameters but the lenses, the pose first; and of the lenses."""
+        start = POSE_PARAMETERS + 3 * len(self.pose.planes)
+        everything = np.arange(start + LENSES + BOWS * len(self.pose.planes))
+        return np.delete(everything, slice(start, start + LENSES)), everything[start : start + LENSES]
+
+    @property
+    def prior_cost(self) -> float:
+        """Squared Mahalanobis length of the parameters in their priors."""
+        return self.prior.cost(self.parameters)
+
+    def step(self, damping: float) -> tuple[FloatArray, float]:
+        """Of a Levenberg-Marquardt iteration, and its squared length in sigma; lenses that are not free stay."""
+        information, gradient = self._equations_of_a_step
+        damped = information + damping * np.diag(np.diag(information))
+        found = solve_normal_equations(damped, -gradient)
+        step = np.zeros(POSE_PARAMETERS + LENSES + (3 + BOWS) * len(self.pose.planes))
+        step[slice(None) if self.prior.free else self._parts[0]] = found
+        return step, float(found @ information @ found)
+
+
+def _inverse(information: FloatArray) -> FloatArray:
+    """DegenerateError where the points do not determine the parameters."""
+    scale = np.sqrt(np.maximum(np.diag(information), 1e-300))
+    values, vectors = np.linalg.eigh(information / np.outer(scale, scale))
+    if not values[0] > 1e-13 * values[-1]:
+        raise DegenerateError("pose: the points do not determine it; show a plane that fills more of the picture")
+    root = vectors / np.sqrt(values) / scale[:, None]
+    return root @ root.T
+
+
+def fit_posterior(measured: Measured, start: Parameters, prior: Prior, iterations: int) -> Posterior:
+    """Robust Levenberg-Marquardt; DegenerateError where the points do not determine a pose."""
+    here = posterior_at(measured, start, prior)
+    cost, damping, too_long = _cost(here, here), 0.0, False
+    for _ in range(iterations):
+        step, length = here.step(damping)
+        moved = posterior_at(measured, here.parameters.moved(step), prior)
+        gained = cost - _cost(moved, here)
+        if not gained >= -(cost * 1e-9 + 1e-6):
+            damping, too_long = max(10 * damping, 1e-4), True
+            if damping > LARGEST_DAMPING:
+                break
+            continue
+        settled = (damping < 1e-3 and length < SETTLED) or (0 < damping < MUCH_DAMPING and gained < FLAT)
+        if not too_long:  # else a step with less damping has just failed: once more with this one
+            damping = damping / 10 if damping > 1e-7 else 0.0
+        here, cost, too_long = moved, _cost(moved, moved), False
+        if settled:
+            break
+    return here
+
+
+def _cost(fit: Posterior, reference: Posterior) -> float:
+    """In the noise of the reference, which a step is taken in."""
+    return float(chi_square(fit.fit, reference.fit).sum()) + fit.prior_cost
+
+
+def posterior_at(measured: Measured, parameters: Parameters, prior: Prior) -> Posterior:
+    """Residuals, noise and weights at one place of the parameters; normal equations when they are asked for."""
+    points = measured.seen(parameters.lens)
+    bows = measured.bends, np.ascontiguousarray(parameters.bows)
+    fit = evaluate(parameters.pose, Support(points, measured.support.blocks), bows)
+    fit = without_chance(fit, measured.aside)
+    if measured.misfit > 0:
+        fit = _with_misfit(fit, measured)
+    return Posterior(parameters, prior, points, fit, measured)
+
+
+def _with_misfit(fit: PoseFit, measured: Measured) -> PoseFit:
+    blocks = measured.support.blocks
+    noises: list[Noise] = []
+    for noise, block in zip((fit.epipolar_noise, fit.along_noise), blocks, strict=True):
+        number = np.bincount(block + 1)[block + 1]
+        shared = float(np.hypot(noise.shared, measured.misfit))
+        noises.append(Noise(noise.level, shared, noise.variance + measured.misfit**2 * number))
+    return replace(fit, epipolar_noise=noises[0], along_noise=noises[1])
+
+
+def _normal_equations(posterior: Posterior, lenses: bool) -> tuple[FloatArray, FloatArray]:
+    """Of all parameters; those of the lenses hold nothing but their prior where they are not asked for."""
+    parameters, prior, fit = posterior.parameters, posterior.prior, posterior.fit
+    pose, measured = parameters.pose, posterior.measured
+    bows = measured.bends, np.ascontiguousarray(parameters.bows)
+    turns = NO_TURNS
+    if lenses:
+        turns = measured.turns(parameters.lens, corrected_rays(pose, posterior.points, fit.weights, bows))
+    blocks = normal_blocks(pose, posterior.points, fit.weights, fit.found.both[None], turns, bows)
+    blocks += np.tril(blocks, -1).transpose(0, 2, 1)
+    planes = len(pose.planes)
+    size = POSE_PARAMETERS + 3 * planes
+    count = size + LENSES + BOWS * planes
+    information, gradient = np.zeros((count, count)), np.zeros(count)
+    lens = range(size, size + LENSES) if lenses else range(0)
+    extra = PARAMETERS + 1
+    for k, block in enumerate(blocks):
+        here: list[int] = [*range(POSE_PARAMETERS)]
+        there: list[int] = [*range(POSE_PARAMETERS)]
+        if k < planes:
+            here += [*range(5, 8), *range(extra, extra + len(lens) + BOWS)]
+            bow = size + LENSES + BOWS * k
+            there += [*range(5 + 3 * k, 8 + 3 * k), *lens, *range(bow, bow + BOWS)]
+        else:
+            here += [*range(extra, extra + len(lens))]
+            there += [*lens]
+        information[np.ix_(there, there)] += block[np.ix_(here, here)]
+        gradient[there] += block[here, PARAMETERS]
+    # A plane whose points all lost their weight stays where it is: one unit of information, relative to its n.
+    held = np.arange(POSE_PARAMETERS, size)
+    information[held, held] += np.repeat(1 / np.maximum((pose.planes**2).sum(axis=1), 1e-12), 3)
+    precision = prior.lens.precision
+    information[size : size + LENSES, size : size + LENSES] += precision
+    gradient[size : size + LENSES] += precision @ parameters.lens
+    bowed = np.arange(size + LENSES, count)
+    information[bowed, bowed] += 1.0
+    gradient[bowed] += parameters.bows.ravel()
+    if prior.pose is not None:
+        information[:POSE_PARAMETERS, :POSE_PARAMETERS] += prior.pose.precision
+        gradient[:POSE_PARAMETERS] += prior.pose.precision @ prior.pose.difference(pose)
+    return information, gradient

@@ -1,0 +1,335 @@
+"""Other explanations of the captures, and by how much log evidence the best one beats each."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from retrue.correspondences import Correspondences
+from retrue.geometry.arrays import BoolArray, FloatArray, IntArray
+from retrue.geometry.nearest import nearest_of_all
+from retrue.geometry.robust import CUTOFF, Noise, biweight_level, biweight_loss
+from retrue.geometry.transform import direction_angle, rotation_angle
+from retrue.geometry.two_view import FREE, POSE_PARAMETERS, TwoViewPose
+from retrue.recalibration.candidates import behind, same_pose, twins_of
+from retrue.recalibration.chance import beyond_chance
+from retrue.recalibration.fit import PoseFit
+from retrue.recalibration.light import light_costs, log_irradiance
+from retrue.recalibration.parts import Part, planes_apart, shifted_copy, unexplained
+from retrue.recalibration.posterior import Measured, PosePrior, Posterior, posterior_at
+from retrue.recalibration.rays import Rays
+from retrue.rig import Rig
+
+UNEXPLAINED = 12.0  # of chi-square: what a point costs that a hypothesis does not explain, or has hidden or behind
+NEAREST_DEG = 1.0  # a move below this is none: nearer to the old pose says no more
+LIGHT_TRUST = 0.25  # of the light's own likelihood: paint and gloss are not what it models
+PARAMETER = 12.0  # of chi-square, what a free parameter costs: its range is some 400 times what the points leave
+FEWEST_OF_A_PLANE = 12
+SELDOM = 1.7  # of chi-square, 2 log(.7 / .3): a point of a copy, a mirror, or what moved, is the rarer one
+ROUGH = 0.3  # of chi-square: what bows and lenses that no model holds make of a point on a plane
+LOUD = 1.5  # times the noise that a plane of it leaves: a pose that explains what does not belong together
+WITHIN = 5.0  # sigma of the best
+APART = 10.0  # times the noise: nearer to the line where two planes meet, either may claim a point
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Rival:
+    """Another explanation of the captures, and by how much the answer beats it.
+
+    Attributes
+    ----------
+    name : what it is.
+    posterior : its own.
+    points, light, move : log evidence (nats) for the answer: of the points, of the light, of how far each is from the
+        old pose.
+    """
+
+    name: str
+    posterior: Posterior
+    points: float
+    light: float
+    move: float
+
+    @property
+    def margin(self) -> float:
+        """Log evidence for the answer, all in all."""
+        return self.points + self.light + self.move
+
+
+@dataclass(frozen=True, slots=True)
+class Floor:
+    """The smallest noise of any hypothesis, across and along the epipolar line, with each residual's variance."""
+
+    across: Noise
+    along: Noise
+
+    @classmethod
+    def of(cls, posteriors: Sequence[Posterior]) -> Floor:
+        """Each family's own."""
+        fits = [posterior.fit for posterior in posteriors]
+        return cls(
+            min((fit.epipolar_noise for fit in fits), key=lambda noise: noise.level),
+            min((fit.along_noise for fit in fits), key=lambda noise: noise.level),
+        )
+
+
+def costs(posterior: Posterior, floor: Floor, neighbours: IntArray) -> FloatArray:
+    """(N,) -2 log likelihood of each point, up to a constant, saturated: rho(r / s) + 2 log(s / floor) of residuals r.
+
+    s is the hypothesis' own noise: who needs more of it pays for that at each point. As much as an unexplained point
+    costs one that the hypothesis has behind a device, or hides: surfaces are opaque, and planes that alternate all over
+    the picture are not two.
+    """
+    fit = posterior.fit
+    families = zip(
+        fit.found.both,
+        (fit.epipolar_noise, fit.along_noise),
+        (floor.across, floor.along),
+        _wider(fit, floor),
+        strict=True,
+    )
+    found = np.zeros(len(posterior.points))
+    for values, noise, least, wider in families:
+        loss = np.minimum(biweight_loss(values / noise.level) + wider, UNEXPLAINED)
+        found += loss * (least.level**2 / least.variance)
+    impossible = behind(posterior.pose, posterior.points, fit.epipolar_noise.level) | _hidden(posterior, neighbours)
+    return np.where(impossible, np.maximum(found, UNEXPLAINED), found)
+
+
+def _wider(fit: PoseFit, floor: Floor) -> tuple[float, float]:
+    across, along = fit.epipolar_noise.level / floor.across.level, fit.along_noise.level / floor.along.level
+    return 2 * float(np.log(across)), 2 * float(np.log(along))
+
+
+def explained_costs(
+    posterior: Posterior, floor: Floor, measured: Measured, part: Part | None
+) -> tuple[FloatArray, float, float]:
+    """`costs` (N,) where a part of the points may have another explanation; the price of priors and planes; of that.
+
+    A plane has three free parameters, a shifted copy two, a plane of its own eight, another pose five, each of which a
+    wider range would have fitted as well.
+    """
+    found = costs(posterior, floor, measured.neighbours)
+    plane = posterior.points.plane_index
+    counts = np.bincount(plane[(plane != FREE) & (posterior.fit.robust_weights[1] > 0)], minlength=1)
+    price, parts = posterior.prior_cost + 3 * PARAMETER * int(np.count_nonzero(counts >= FEWEST_OF_A_PLANE)), 0.0
+    outside = unexplained(posterior)
+    copy = shifted_copy(posterior, outside)
+    others = planes_apart(posterior, outside, measured.homography_residuals)
+    for other in [*others, *(one for one in (copy, part) if one is not None)]:
+        explained = SELDOM + np.where((plane[other.rows] != FREE) & (other.missed.shape[1] == 1), UNEXPLAINED, 0.0)
+        for missed, least in zip(other.missed.T, (floor.across.level, floor.along.level), strict=False):
+            wider = 2 * max(float(np.log(other.level / least)), 0.0)
+            explained = explained + np.minimum(biweight_loss(missed / other.level) + wider, UNEXPLAINED)
+        gained = np.maximum(found[other.rows] - explained, 0.0)
+        if float(gained.sum()) > other.parameters * PARAMETER:
+            found[other.rows] -= gained
+            parts += other.parameters * PARAMETER
+    return found, price, parts
+
+
+def least(posteriors: list[Posterior], measured: Measured) -> Posterior:
+    """The posterior of least cost."""
+    floor = Floor.of(posteriors)
+
+    def total(fit: Posterior) -> float:
+        found, price, parts = explained_costs(fit, floor, measured, None)
+        return float(found.sum()) + price + parts
+
+    return min(posteriors, key=total)
+
+
+def nearest_points(rays: Rays) -> IntArray:
+    """(N, 4) rows of each point's nearest neighbours in its own capture's picture; its own row for lack of any."""
+    found = np.repeat(np.arange(len(rays))[:, None], 4, axis=1)
+    for capture in range(int(rays.capture.max(initial=-1)) + 1):
+        mine = np.flatnonzero(rays.capture == capture)
+        if len(mine) > 4:
+            x = rays.points.camera_rays[mine]
+            found[mine] = mine[nearest_of_all(x, x, 5)[1][:, 1:]]
+    return found
+
+
+def _hidden(posterior: Posterior, neighbours: IntArray) -> BoolArray:
+    """(N,) explained points on planes, of whose four neighbours two or more lie on another plane, clearly apart."""
+    plane = posterior.points.plane_index
+    if len(posterior.pose.planes) < 2 or not neighbours.size:
+        return np.zeros(len(plane), dtype=np.bool_)
+    there = (plane != FREE) & (posterior.fit.robust_weights > 0).all(axis=0)
+    x = np.column_stack([posterior.points.camera_rays, np.ones(len(plane))])
+    own = (x * posterior.pose.planes[np.maximum(plane, 0)]).sum(axis=1)
+    # A disparity rho moves what the projector sees by about |t - y t3| / depth: its noise is that of a ray over it.
+    t, y = posterior.pose.t, posterior.points.projector_rays
+    parallax = np.maximum(np.hypot(t[0] - y[:, 0] * t[2], t[1] - y[:, 1] * t[2]), 1e-12)
+    noise = posterior.fit.along_noise
+    sigma = np.hypot(posterior.points.camera_sigma, posterior.points.projector_sigma)
+    sigma = sigma * float(np.hypot(noise.level, noise.shared)) / parallax
+    foreign = np.zeros(len(plane), dtype=np.int64)
+    for other in neighbours.T:
+        elsewhere = there & there[other] & (plane[other] != plane)
+        seen = (x * posterior.pose.planes[np.maximum(plane[other], 0)]).sum(axis=1)
+        foreign += elsewhere & (np.abs(seen - own) > APART * sigma)
+    return foreign >= 2
+
+
+def ranked(
+    posteriors: list[Posterior],
+    measured: Measured,
+    few: Rays,
+    light: Light | None,
+    old: TwoViewPose,
+    part: Part | None,
+    rng: np.random.Generator,
+) -> tuple[Posterior, tuple[Rival, ...]]:
+    """The hypothesis that none other beats in evidence, and those others; its twins are among them, as they stand.
+
+    `part` has another pose, whichever hypothesis is right.
+    """
+    best, asked = least(posteriors, measured), 0
+    while True:
+        rivals = _rivals(best, posteriors, measured, few, light, old, part, rng)
+        strongest = min(rivals, key=lambda rival: rival.margin, default=None)
+        asked += 1
+        if strongest is None or not strongest.margin < 0 or asked > len(posteriors):
+            return best, rivals
+        best = strongest.posterior
+
+
+def _rivals(
+    best: Posterior,
+    posteriors: list[Posterior],
+    measured: Measured,
+    few: Rays,
+    light: Light | None,
+    old: TwoViewPose,
+    part: Part | None,
+    rng: np.random.Generator,
+) -> tuple[Rival, ...]:
+    others = [("another pose", fit) for fit in posteriors if not _same(best, fit.pose)]
+    for twin in twins_of(best.pose, best.points):
+        if not (_same(best, twin) or any(same_pose(twin, fit.pose) for _, fit in others)):
+            others.append(("the twin", posterior_at(measured, replace(best.parameters, pose=twin), best.prior)))
+    lit = [0.0] * len(others)
+    if light is not None and others:
+        lit = light.evidence(best, [fit for _, fit in others], few, rng)
+    return tuple(
+        Rival(
+            name,
+            fit,
+            _point_evidence(best, fit, measured, part),
+            seen,
+            _moved(fit, old) - _moved(best, old),
+        )
+        for (name, fit), seen in zip(others, lit, strict=True)
+    )
+
+
+def _same(best: Posterior, pose: TwoViewPose) -> bool:
+    """Whether a pose is no other explanation: found twice, or one that the sigma of the best holds already."""
+    if same_pose(pose, best.pose):
+        return True
+    difference = PosePrior(best.pose.R, best.pose.t, np.eye(POSE_PARAMETERS)).difference(pose)
+    return float(difference @ np.linalg.solve(best.covariance, difference)) < WITHIN**2
+
+
+def _point_evidence(best: Posterior, rival: Posterior, measured: Measured, part: Part | None) -> float:
+    """Nats, of the points and of what has to be taken for a part of its own.
+
+    A sum that a few points make, as chance would have it, counts less. Of a plane that both fit, the difference counts
+    that is larger than what no model explains of a real wall.
+    """
+    floor = Floor.of([best, rival])
+    lost, price, parts = explained_costs(rival, floor, measured, part)
+    held, own_price, own_parts = explained_costs(best, floor, measured, part)
+    preferred = lost - held
+    shared = _shared_plane(best, rival, measured)
+    elsewhere = preferred[~shared]
+    told = float(elsewhere.sum()) * beyond_chance(elsewhere) + min(price - own_price, 0.0) + parts - own_parts
+    if shared.any():
+        mean = float(preferred[shared].mean())
+        told += np.count_nonzero(shared) * float(np.sign(mean)) * max(abs(mean) - ROUGH, 0.0)
+    return 0.5 * told
+
+
+def _shared_plane(best: Posterior, rival: Posterior, measured: Measured) -> BoolArray:
+    """(N,) points of the plane that both fit, if there is one: twins do."""
+    plane = rival.points.plane_index
+    near = plane != FREE
+    for values, noise in zip(rival.fit.found.both, (best.fit.epipolar_noise, best.fit.along_noise), strict=True):
+        near = near & (np.abs(values) < CUTOFF * noise.level)
+    if not near.any():
+        return near
+    shared = plane == int(np.argmax(np.bincount(plane[near])))
+    if np.count_nonzero(near & shared) * 2 < np.count_nonzero(shared):
+        return np.zeros_like(near)
+    level = rival.fit.epipolar_noise.level
+    return shared & ~behind(rival.pose, rival.points, level) & ~_hidden(rival, measured.neighbours)
+
+
+def move_deg(pose: TwoViewPose, old: TwoViewPose) -> float:
+    """How far a pose is from the old one: the angles of the rotation and of the direction of t together."""
+    return float(np.degrees(np.hypot(rotation_angle(pose.R @ old.R.T), direction_angle(pose.t, old.t))))
+
+
+def move_nats(degrees: float) -> float:
+    """-log prior of a move: moves of any size alike, so that its density falls with the fifth power of the size."""
+    return 5 * float(np.log(max(degrees, NEAREST_DEG)))
+
+
+def _moved(posterior: Posterior, old: TwoViewPose) -> float:
+    return move_nats(move_deg(posterior.pose, old))
+
+
+def plane_levels(measured: Measured) -> list[float]:
+    """Noise that the homography of each plane leaves by itself."""
+    plane = measured.support.points.plane_index
+    planes = range(int(plane.max(initial=FREE)) + 1)
+    return [biweight_level(measured.homography_residuals[plane == index].ravel()) for index in planes]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Light:
+    """What the projector adds at each ray, (N,); its class; the place in the projector's raster, (N, 2)."""
+
+    light: FloatArray
+    light_class: IntArray
+    raster: FloatArray
+
+    def evidence(self, best: Posterior, others: list[Posterior], few: Rays, rng: np.random.Generator) -> list[float]:
+        """Nats that the light gives the best hypothesis over each other, of the points on planes."""
+        points = few.points
+        rows = np.flatnonzero((points.plane_index != FREE) & (best.fit.robust_weights[1] > 0))
+        found = np.zeros(len(others))
+        for capture in range(int(few.capture.max(initial=-1)) + 1):
+            mine = rows[few.capture[rows] == capture]
+            plane = points.plane_index[mine]
+            predictions = [
+                log_irradiance(points.projector_rays[mine], fit.pose.R, fit.pose.t, fit.pose.planes[plane])
+                for fit in (best, *others)
+            ]
+            for index, other in enumerate(others, 1):  # of what only one of the two explains, light tells nothing
+                known = other.fit.robust_weights[1][mine] > 0
+                predictions[index] = np.where(known, predictions[index], predictions[0])
+            where = points.camera_rays[mine], self.raster[mine]
+            light_cost = light_costs(self.light[mine], self.light_class[mine], *where, predictions, rng)
+            if light_cost is not None:
+                found += 0.5 * LIGHT_TRUST * (np.array(light_cost[1:]) - light_cost[0])
+        return found.tolist()
+
+
+def light_of(rig: Rig, captures: Sequence[Correspondences], rays: Rays) -> Light | None:
+    """What the captures say of the projector's light at each ray; None where none says anything."""
+    if all(capture.light is None for capture in captures):
+        return None
+    light, light_class = np.full(len(rays), np.nan), np.zeros(len(rays), dtype=np.int64)
+    raster = np.zeros((len(rays), 2))
+    for index, capture in enumerate(captures):
+        mine = np.flatnonzero(rays.capture == index)
+        raster[mine] = 2 * (capture.projector_px[rays.row[mine]] + 0.5) / np.array(rig.projector.size) - 1
+        if capture.light is not None:
+            light[mine] = capture.light[rays.row[mine]]
+        if capture.light_class is not None:
+            light_class[mine] = capture.light_class[rays.row[mine]]
+    return Light(light, light_class, raster)
