@@ -24,7 +24,11 @@ def test_the_one_that_most_agree_with() -> None:
     squares = np.empty((12, 40))
     for one, row in zip(E, squares, strict=True):
         five_points.sampson_squares(one, x, y, row)
-    best = int(np.argmax(np.maximum(1 - squares / 0.05, 0).sum(axis=1)))
-    assert best > 0
-    assert five_points.most_agreed(E, x, y, 0.05) == best
-    assert plain("five_points").most_agreed(E, x, y, 0.05) == best
+    limits = np.array([0.004, 0.3])
+    agreement = np.maximum(1 - squares / limits[:, None, None], 0).sum(axis=2)
+    assert 0 < agreement[0].argmax() != agreement[1].argmax()
+    for kernel in (five_points, plain("five_points")):
+        best, most = np.empty(2, dtype=np.int64), np.empty(2)
+        kernel.most_agreed(E, x, y, limits, best, most)
+        np.testing.assert_array_equal(best, agreement.argmax(axis=1))
+        np.testing.assert_allclose(most, agreement.max(axis=1), rtol=1e-12)

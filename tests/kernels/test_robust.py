@@ -18,16 +18,60 @@ def test_the_level_is_where_it_reproduces_itself() -> None:
     assert robust.reweighted_level(np.full(3, np.nan), 1.0, 6.0, 1.0, 1e-9, 4) == 1e-9
 
 
-def test_weights_and_block_sums_are_those_of_numpy() -> None:
-    weights = np.empty((2, len(VALUES)))
+def test_weights_and_shared_parts_are_those_of_numpy() -> None:
+    weights, variance, shared = np.empty((2, len(VALUES))), np.empty((2, len(VALUES))), []
     blocks = np.append(np.arange(200) % 7, [-1, 3])
-    number, total = np.zeros((2, 8)), np.zeros((2, 8))
+    values = VALUES + np.append(np.arange(200) % 7 % 2 * 3.0, [0, 0])
     for k, kernel in enumerate((robust, plain("robust"))):
-        kernel.biweights(VALUES, 1.5, 6.0, weights[k])
-        kernel.block_sums(VALUES, weights[k], blocks, number[k], total[k])
-    for pair in (weights, number, total):
+        kernel.biweights(values, 1.5, 6.0, weights[k])
+        shared.append(kernel.shared_part(values, weights[k], 1.5, blocks, *np.empty((2, 8)), variance[k]))
+    assert shared[0] == shared[1] > 0
+    for pair in (weights, variance):
         np.testing.assert_array_equal(pair[0], pair[1])
-    np.testing.assert_allclose(weights[0], np.fmax(1 - (VALUES / 9) ** 2, 0) ** 2, rtol=1e-12, atol=1e-15)
+    np.testing.assert_allclose(weights[0], np.fmax(1 - (values / 9) ** 2, 0) ** 2, rtol=1e-12, atol=1e-15)
     good = slice(0, 200)
-    np.testing.assert_allclose(number[0, :7], np.bincount(blocks[good], weights[0, good]), rtol=1e-12)
-    np.testing.assert_allclose(total[0, :7], np.bincount(blocks[good], (weights[0] * VALUES)[good]), rtol=1e-12)
+    number = np.bincount(blocks[good], weights[0, good])
+    total = np.bincount(blocks[good], (weights[0] * values)[good])
+    excess = (total**2 / number).sum() / 1.5**2 - 7
+    assert shared[0] == pytest.approx(1.5 * np.sqrt(excess / number.sum()))
+    np.testing.assert_allclose(variance[0, good], 1.5**2 + shared[0] ** 2 * number[blocks[good]])
+    assert np.isinf(variance[0, 200])
+
+
+def test_no_shared_part_is_seen_where_blocks_scatter_as_their_points_do() -> None:
+    blocks, weights, variance = np.arange(202) % 7, np.ones(202), np.empty(202)
+    weights[200:] = 0
+    assert robust.shared_part(VALUES, weights, 2.0, blocks, *np.empty((2, 8)), variance) == 0
+    assert (variance == 4).all()
+
+
+@pytest.mark.parametrize("share", [0.0, 0.25, 0.5, 1.0])
+def test_quantiles_are_those_of_numpy(share: float) -> None:
+    for count in (1, 2, 3, 10, 101):
+        values = np.append(np.random.default_rng(count).normal(size=count).round(1), [np.nan, np.inf])
+        expected = np.quantile(np.abs(values[:-2]), share)
+        for kernel in (robust, plain("robust")):
+            assert kernel.absolute_quantile(values, 1, share, np.empty(count + 2)) == pytest.approx(expected)
+    assert robust.absolute_quantile(np.arange(10.0), 3, 0.5, np.empty(4)) == 4.5
+    assert robust.absolute_quantile(np.array([np.nan]), 1, 0.5, np.empty(1)) == 0
+
+
+def test_each_plane_weighs_at_its_own_level_and_the_rest_within_reach() -> None:
+    rng = np.random.default_rng(2)
+    both, plane = rng.normal(0, 1, (2, 60)), np.arange(60) % 3 - 1
+    both[:, plane == 1] *= 5
+    both[0, plane == -1] *= 100
+    both[1, plane == -1] = np.nan
+    found = []
+    for kernel in (robust, plain("robust")):
+        levels, weights = np.empty(3), np.empty((2, 60))
+        reach = kernel.gather_weights(both, plane, 2, np.inf, 90.0, 1.4826, 6.0, 1e-9, np.empty(120), levels, weights)
+        found.append((reach, levels, weights))
+    assert found[0][0] == found[1][0] == 30
+    np.testing.assert_array_equal(found[0][1], found[1][1])
+    np.testing.assert_array_equal(found[0][2], found[1][2])
+    for index in (0, 1):
+        assert found[0][1][index + 1] == pytest.approx(1.4826 * np.median(np.abs(both[:, plane == index])))
+    relative = both / found[0][1][plane + 1]
+    expected = np.fmax(1 - (relative / 6) ** 2, 0) ** 2 / found[0][1][plane + 1] ** 2
+    np.testing.assert_allclose(found[0][2], expected, rtol=1e-12, atol=1e-15)

@@ -95,6 +95,29 @@ def test_turned_rays_and_bows_change_both_residuals_as_finite_differences_say() 
         np.testing.assert_allclose(found, wanted, atol=1e-4 * np.abs(wanted).max())
 
 
+@pytest.mark.parametrize("planes", [0, 2])
+def test_what_is_behind_is_what_the_depths_say(planes: int) -> None:
+    R, axes, n, x, y, sigma_x, sigma_y, index, *_ = points(200)
+    n, index = n[:planes], index if planes else np.zeros(200, dtype=np.int64)
+    n = n * np.array([[3.0], [-1.0]])[:planes]
+    found = np.empty((2, 200), dtype=np.uint8)
+    for kernel, behind in zip((two_view, plain("two_view")), found, strict=True):
+        kernel.behind(R, axes, n, x, y, sigma_x, sigma_y, index, 2.0, behind)
+    np.testing.assert_array_equal(found[0], found[1])
+    for k in range(200):
+        v, ray = R @ [*x[k], 1], np.array([*y[k], 1])
+        if planes and index[k] >= 0:
+            disparity, least = n[index[k]] @ [*x[k], 1], 0.0
+            if 1 + n[index[k]] @ R.T @ axes[0] <= 0:
+                disparity = -1.0
+        else:
+            design, target = (axes[0] - ray * axes[0, 2])[:2], (ray * v[2] - v)[:2]
+            disparity = design @ target / (design @ design)
+            least = -4 * 2.0 * np.hypot(sigma_x[k], sigma_y[k]) / np.linalg.norm(design)
+        assert bool(found[0, k]) == (disparity <= least or v[2] + disparity * axes[0, 2] <= 0)
+    assert 10 < found[0].sum() < 190
+
+
 def test_more_columns_than_a_row_holds_are_refused() -> None:
     with pytest.raises(ValueError, match="columns"):
         two_view.two_view(*points(4), NOTHING, np.ones((2, 4)), np.ones((33, 2, 4)), *NO_TURNS, np.zeros((3, 41, 41)))

@@ -24,13 +24,15 @@ _CUBIC = (
 _SQUARE = tuple("".join(pair) for pair in combinations_with_replacement("0123", 2))
 
 
-def monomials() -> tuple[IntArray, IntArray]:
-    """Number of the monomial that two factors make (4, 4), and a square and a factor (10, 4)."""
-    return _products("0123", _SQUARE), _products(_SQUARE, _CUBIC)
-
-
 def _products(of: Sequence[str], to: Sequence[str]) -> IntArray:
-    return np.array([[to.index("".join(sorted(one + factor))) for factor in "0123"] for one in of])
+    """(len(of), 4) number of the monomial that each one makes with each factor."""
+    products = np.array([[to.index("".join(sorted(one + factor))) for factor in "0123"] for one in of])
+    products.setflags(write=False)
+    return products
+
+
+MONOMIALS = _products("0123", _SQUARE), _products(_SQUARE, _CUBIC)
+"""Which one two factors make (4, 4), and a square and a factor (10, 4)."""
 
 
 def five_point_essentials(x: FloatArray, y: FloatArray, samples: IntArray) -> FloatArray:
@@ -45,7 +47,7 @@ def five_point_essentials(x: FloatArray, y: FloatArray, samples: IntArray) -> Fl
     """
     found = np.empty((MOST_SOLUTIONS * len(samples), 3, 3))
     rays = np.ascontiguousarray(x), np.ascontiguousarray(y)
-    return found[: solver.essentials(*rays, np.ascontiguousarray(samples), *monomials(), found)]
+    return found[: solver.essentials(*rays, np.ascontiguousarray(samples), *MONOMIALS, found)]
 
 
 def poses_of_essential(E: FloatArray) -> list[tuple[FloatArray, FloatArray]]:
@@ -76,19 +78,20 @@ def best_essentials(
     draw : rows (S, 5) of so many samples.
     scored : rows that are asked.
     """
-    best: list[tuple[float, FloatArray]] = [(np.inf, np.empty((0, 0)))] * len(noises)
     few, drawn, enough = (x[scored], y[scored]), 0, SAMPLES
+    limits = 9 * np.square(np.asarray(noises, dtype=np.float64))
+    found: list[FloatArray | None] = [None] * len(limits)
+    agreement, which, most = np.zeros(len(limits)), np.empty(len(limits), dtype=np.int64), np.empty(len(limits))
     while drawn < min(enough, MOST_SAMPLES):
         candidates = five_point_essentials(x, y, draw(SAMPLES))
         drawn += SAMPLES
-        agreeing = 0.0
-        for index, noise in enumerate(noises if len(candidates) else ()):
-            E = candidates[kernel.most_agreed(candidates, *few, 9 * noise**2)]
-            cost = float(np.minimum(sampson_squares(E, *few) / (9 * noise**2), 1).sum())
-            best[index] = min(best[index], (cost, E), key=lambda one: one[0])
-            agreeing = max(agreeing, 1 - best[index][0] / max(len(scored), 1))
+        if len(candidates):
+            kernel.most_agreed(candidates, *few, limits, which, most)
+            for index in np.flatnonzero(most > agreement):
+                found[index], agreement[index] = candidates[which[index]], most[index]
+        agreeing = float(agreement.max()) / max(len(scored), 1)
         enough = MISSED / np.log1p(-min(agreeing**5, 0.99)) if agreeing > 0.1 else MOST_SAMPLES
-    return [E for cost, E in best if np.isfinite(cost)]
+    return [E for E in found if E is not None]
 
 
 def sampson_squares(E: FloatArray, x: FloatArray, y: FloatArray) -> FloatArray:

@@ -12,7 +12,7 @@ from typing import cast
 
 import numpy as np
 
-from retrue.geometry.arrays import FloatArray, IntArray
+from retrue.geometry.arrays import BoolArray, FloatArray, IntArray
 from retrue.kernels import robust as kernel
 
 MAD_TO_SIGMA = 1.4826
@@ -61,6 +61,21 @@ def biweights(values: FloatArray, level: float) -> FloatArray:
     return weights
 
 
+def gather_weights(
+    both: FloatArray, plane_index: IntArray, planes: int, floor: float, reach: float
+) -> tuple[FloatArray, float, float]:
+    """Weights (2, N) over the variance of residuals (2, N), each plane's at its own level, of the rest within reach.
+
+    Returns them, the least of the levels (or `floor`, where there is no plane), and the new reach: a third of the last
+    one, or the median of the rest where that is less, but not below the least level.
+    """
+    weights, levels, room = np.empty(both.shape), np.empty(planes + 1), np.empty(both.size)
+    limits = MAD_TO_SIGMA, CUTOFF, SMALLEST_LEVEL
+    places = both, plane_index, planes, floor, reach
+    reach = cast("float", kernel.gather_weights(*places, *limits, room, levels, weights))
+    return weights, float(levels[1:].min(initial=floor)), reach
+
+
 def biweight_loss(relative: FloatArray) -> FloatArray:
     """Tukey's loss: r^2 near zero, 12 from 6 on, and for NaN.
 
@@ -69,6 +84,11 @@ def biweight_loss(relative: FloatArray) -> FloatArray:
     """
     inside = 1 - (relative / CUTOFF) ** 2
     return CUTOFF**2 / 3 * (1 - np.fmax(inside, 0.0) ** 3)
+
+
+def total_loss(values: FloatArray, noise: Noise) -> float:
+    """Sum of that loss over the level, in the variance of each value: a chi-square that saturates."""
+    return cast("float", kernel.loss(values, noise.level, noise.variance, CUTOFF))
 
 
 def median_level(values: FloatArray) -> float:
@@ -105,8 +125,8 @@ def biweight_level(values: FloatArray, correction: float = 1.0) -> float:
     >>> bool(1.8 < biweight_level(values) < 2.2)
     True
     """
-    few = np.abs(values[:: max(1, len(values) // ENOUGH_VALUES)])
-    start = quantile(few[np.isfinite(few)], 0.25) / QUARTILE
+    every = max(1, len(values) // ENOUGH_VALUES)
+    start = cast("float", kernel.absolute_quantile(values, every, 0.25, np.empty(len(values) // every + 1))) / QUARTILE
     return reweighted_level(values, max(start, SMALLEST_LEVEL), correction)
 
 
@@ -135,16 +155,20 @@ def with_shared_part(values: FloatArray, weights: FloatArray, level: float, bloc
     of freedom a block; what it exceeds that by is the shared part (DerSimonian and Laird 1986). Block -1 stands
     for no residual.
     """
-    variance = np.where(blocks >= 0, level**2, np.inf)
-    number, total = np.zeros((2, int(blocks.max(initial=-1)) + 2))  # the last stays empty: it is block -1
-    kernel.block_sums(values, weights, blocks, number, total)
-    used = number > 3
-    count = int(np.count_nonzero(used))
-    if count < 4:
-        return Noise(level, 0.0, variance)
-    excess = float((total[used] ** 2 / number[used]).sum() / level**2) - count
-    if not excess > 4 * np.sqrt(2 * count):
-        return Noise(level, 0.0, variance)
-    shared = level**2 * excess / float(number[used].sum())
-    variance += shared * number[blocks]
-    return Noise(level, float(np.sqrt(shared)), variance)
+    variance = np.empty(len(values))
+    number, total = np.empty((2, int(blocks.max(initial=-1)) + 2))  # the last stays empty: it is block -1
+    shared = cast("float", kernel.shared_part(values, weights, level, blocks, number, total, variance))
+    return Noise(level, shared, variance)
+
+
+def within_reach_of_mode(places: FloatArray, centres: int, reach: float) -> BoolArray:
+    """(N,) places (N, 2) within reach, along both axes, of the one that has the most of them there.
+
+    Some `centres` of them are asked, evenly over the rows.
+
+    >>> within_reach_of_mode(np.array([[0.0, 0.0], [5.0, 5.0], [5.1, 4.9]]), 3, 0.2).tolist()
+    [False, True, True]
+    """
+    places = np.ascontiguousarray(places)
+    centre = places[kernel.mode(places, max(1, len(places) // centres), reach)]
+    return np.abs(places - centre).max(axis=1) < reach

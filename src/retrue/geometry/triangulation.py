@@ -5,21 +5,19 @@ Both take undistorted normalised rays (x, y) = (X / Z, Y / Z) of each device, N 
 
 from __future__ import annotations
 
-from collections.abc import Callable
-
 import numpy as np
 from numpy.typing import ArrayLike
 
 from retrue.errors import require_kind
 from retrue.geometry.arrays import FloatArray
 from retrue.geometry.transform import RigidTransform, skew
+from retrue.kernels import triangulation as kernel
 
 BLOCK = 8192  # points at a time: what fits into the processor's cache
 SMALLEST_PARALLAX = 1e-12  # radians; below it the depth has no digit left in double precision
 
-# One device's rays as columns (x, y); what a scalar or an array per point is.
+# One device's rays as columns (x, y).
 _Columns = tuple[FloatArray, FloatArray]
-_Solver = Callable[[_Columns, _Columns, FloatArray, FloatArray], tuple[FloatArray, FloatArray, FloatArray]]
 
 
 def triangulate(
@@ -56,18 +54,13 @@ def triangulate(
     [[0.2, -0.1, 2.0]]
     """
     require_kind(projector_from_camera, RigidTransform, "projector_from_camera")
-    E = skew(projector_from_camera.t) @ projector_from_camera.R
     R, t = projector_from_camera.R, projector_from_camera.t
-
-    def solve(
-        x: _Columns, y: _Columns, camera_variance: FloatArray, projector_variance: FloatArray
-    ) -> tuple[FloatArray, FloatArray, FloatArray]:
-        x, y = _corrected_rays(E, x, y, camera_variance, projector_variance)
-        return _intersection(R, t, x, y)
-
-    return _in_blocks(
-        solve, projector_from_camera, camera_rays, projector_rays, np.square(camera_sigma), np.square(projector_sigma)
-    )
+    x, y = (np.ascontiguousarray(rays, dtype=np.float64) for rays in (camera_rays, projector_rays))
+    vx, vy = (np.array(np.square(sigma), dtype=np.float64, ndmin=1) for sigma in (camera_sigma, projector_sigma))
+    points = np.empty((len(x), 3))
+    R, t, E = (np.ascontiguousarray(part) for part in (R, t, skew(t) @ R))
+    kernel.triangulate(R, t, E, x, y, vx, vy, SMALLEST_PARALLAX, points)
+    return points
 
 
 def triangulate_linear(
@@ -88,10 +81,19 @@ def triangulate_linear(
     """
     R, t = projector_from_camera.R, projector_from_camera.t
 
-    def solve(x: _Columns, y: _Columns, *_: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
-        return _least_squares(R, t, x, y)
-
-    return _in_blocks(solve, projector_from_camera, camera_rays, projector_rays, np.ones(()), np.ones(()))
+    x, y = np.asarray(camera_rays, dtype=np.float64), np.asarray(projector_rays, dtype=np.float64)
+    points = np.empty((len(x), 3))
+    with np.errstate(all="ignore"):
+        for start in range(0, len(x), BLOCK):
+            rows = slice(start, start + BLOCK)
+            X, Y, Z = _least_squares(
+                R, t, (x[rows, 0].copy(), x[rows, 1].copy()), (y[rows, 0].copy(), y[rows, 1].copy())
+            )
+            projector_depth = R[2, 0] * X + R[2, 1] * Y + R[2, 2] * Z + t[2]
+            in_front = (Z > 0) & (projector_depth > 0) & np.isfinite(X) & np.isfinite(Y) & np.isfinite(Z)
+            for axis, column in enumerate((X, Y, Z)):
+                points[rows, axis] = np.where(in_front, column, np.nan)
+    return points
 
 
 def depths_on_rays(
@@ -138,81 +140,6 @@ def sampson_distances(
     variance = variance + np.square(projector_sigma) * np.square(line_in_projector[:, :2]).sum(axis=1)
     with np.errstate(invalid="ignore", divide="ignore"):
         return np.where(variance > 0, error / np.sqrt(variance), np.nan)
-
-
-def _in_blocks(
-    solve: _Solver,
-    projector_from_camera: RigidTransform,
-    camera_rays: ArrayLike,
-    projector_rays: ArrayLike,
-    camera_variance: FloatArray,
-    projector_variance: FloatArray,
-) -> FloatArray:
-    """`solve` a cache-full at a time, NaN where the point is not in front of both devices."""
-    x, y = np.asarray(camera_rays, dtype=np.float64), np.asarray(projector_rays, dtype=np.float64)
-    camera_variance = np.broadcast_to(camera_variance, len(x)) if camera_variance.ndim else camera_variance
-    projector_variance = np.broadcast_to(projector_variance, len(x)) if projector_variance.ndim else projector_variance
-    r3, t3 = projector_from_camera.R[2], projector_from_camera.t[2]
-    points = np.empty((len(x), 3))
-    with np.errstate(all="ignore"):
-        for start in range(0, len(x), BLOCK):
-            rows = slice(start, start + BLOCK)
-            X, Y, Z = solve(
-                (x[rows, 0].copy(), x[rows, 1].copy()),
-                (y[rows, 0].copy(), y[rows, 1].copy()),
-                camera_variance[rows] if camera_variance.ndim else camera_variance,
-                projector_variance[rows] if projector_variance.ndim else projector_variance,
-            )
-            projector_depth = r3[0] * X + r3[1] * Y + r3[2] * Z + t3
-            in_front = (Z > 0) & (projector_depth > 0) & np.isfinite(X) & np.isfinite(Y) & np.isfinite(Z)
-            for axis, column in enumerate((X, Y, Z)):
-                points[rows, axis] = np.where(in_front, column, np.nan)
-    return points
-
-
-def _corrected_rays(
-    E: FloatArray, x: _Columns, y: _Columns, camera_variance: FloatArray, projector_variance: FloatArray
-) -> tuple[_Columns, _Columns]:
-    """The nearest pair of rays that meet, by Lindstrom's iteration.
-
-    Each step walks from the ORIGINAL rays along the epipolar lines' normals at the present estimate,
-    x - k s_x^2 n_x and y - k s_y^2 n_y, to where they meet: a quadratic in k.
-    """
-    (x1, x2), (y1, y2) = x, y
-    l1, l2 = _line_normal(E, x)
-    m1, m2 = _line_normal(E.T, y)
-    error = y1 * l1 + y2 * l2 + (E[2, 0] * x1 + E[2, 1] * x2 + E[2, 2])
-    (a, b), (c, d) = E[:2, :2]
-    for _ in range(2):
-        n1, n2 = _line_normal(E.T, y)
-        u1, u2 = camera_variance * n1, camera_variance * n2
-        n1, n2 = _line_normal(E, x)
-        v1, v2 = projector_variance * n1, projector_variance * n2
-        quadratic = v1 * (a * u1 + b * u2) + v2 * (c * u1 + d * u2)
-        half_linear = 0.5 * (v1 * l1 + v2 * l2 + u1 * m1 + u2 * m2)
-        root = np.sqrt(half_linear * half_linear - quadratic * error)
-        k = error / (half_linear + root)  # the smaller root; half_linear is positive up to second order
-        x, y = (x1 - k * u1, x2 - k * u2), (y1 - k * v1, y2 - k * v2)
-    return x, y
-
-
-def _line_normal(E: FloatArray, ray: _Columns) -> _Columns:
-    """The first two entries of E (ray, 1): normal to the epipolar line in the other device."""
-    first, second = (row[0] * ray[0] + row[1] * ray[1] + row[2] for row in E[:2])
-    return first, second
-
-
-def _intersection(R: FloatArray, t: FloatArray, x: _Columns, y: _Columns) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """X = Z (x, 1) from Z (y x R x) = -(y x t), for rays that meet."""
-    (x1, x2), (y1, y2) = x, y
-    p1, p2, p3 = (row[0] * x1 + row[1] * x2 + row[2] for row in R)
-    c1, c2, c3 = y2 * p3 - p2, p1 - y1 * p3, y1 * p2 - y2 * p1
-    d1, d2, d3 = y2 * t[2] - t[1], t[0] - y1 * t[2], y1 * t[1] - y2 * t[0]
-    parallax = c1 * c1 + c2 * c2 + c3 * c3
-    Z = -(c1 * d1 + c2 * d2 + c3 * d3) / parallax
-    lengths = (x1 * x1 + x2 * x2 + 1) * (y1 * y1 + y2 * y2 + 1)
-    Z = np.where(parallax > SMALLEST_PARALLAX**2 * lengths, Z, np.nan)
-    return x1 * Z, x2 * Z, Z
 
 
 def _least_squares(R: FloatArray, t: FloatArray, x: _Columns, y: _Columns) -> tuple[FloatArray, FloatArray, FloatArray]:

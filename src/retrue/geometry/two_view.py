@@ -9,15 +9,15 @@ where the full bundle adjustment does.
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass, field
 
 import numpy as np
 
 from retrue.errors import DegenerateError
-from retrue.geometry.arrays import FloatArray, IntArray
-from retrue.geometry.transform import RigidTransform, rotation_from_vector, skew
+from retrue.geometry.arrays import BoolArray, FloatArray, IntArray
+from retrue.geometry.transform import RigidTransform, skew
 from retrue.geometry.triangulation import sampson_distances
+from retrue.kernels import steps
 from retrue.kernels import two_view as kernel
 
 POSE_PARAMETERS = 5
@@ -77,12 +77,9 @@ class TwoViewPose:
 
     def moved(self, step: FloatArray) -> TwoViewPose:
         """R <- exp([w]x) R, t <- unit(t + B d), n <- n + e for step = (w, d, e ...) of (5 + 3 P,)."""
-        t = self.t + tangent_basis(self.t) @ step[3:5]
-        return TwoViewPose(
-            rotation_from_vector(step[:3]) @ self.R,
-            t / np.linalg.norm(t),
-            self.planes + step[POSE_PARAMETERS:].reshape(-1, 3),
-        )
+        R, t = np.empty((3, 3)), np.empty(3)
+        steps.turned(np.ascontiguousarray(self.R), direction_axes(self.t), np.ascontiguousarray(step), R, t)
+        return TwoViewPose(R, t, self.planes + step[POSE_PARAMETERS:].reshape(-1, 3))
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -113,17 +110,14 @@ def tangent_basis(t: FloatArray) -> FloatArray:
     >>> tangent_basis(np.array([0.0, 0.0, 1.0])).round(9).tolist()
     [[0.0, -1.0], [1.0, 0.0], [0.0, 0.0]]
     """
-    x, y, z = t.tolist()
-    smallest = min(abs(x), abs(y), abs(z))
-    if abs(x) == smallest:
-        u, v, w = 0.0, z, 0.0 - y
-    elif abs(y) == smallest:
-        u, v, w = -z, 0.0, x
-    else:
-        u, v, w = y, -x, 0.0
-    length = math.sqrt(u * u + v * v + w * w)
-    u, v, w = u / length, v / length, w / length
-    return np.array([[u, y * w - z * v], [v, z * u - x * w], [w, x * v - y * u]])
+    return direction_axes(t)[1:].T
+
+
+def direction_axes(t: FloatArray) -> FloatArray:
+    """(3, 3) rows: the unit vector t, and the two of its `tangent_basis`."""
+    axes = np.empty((3, 3))
+    steps.axes(np.ascontiguousarray(t), axes)
+    return axes
 
 
 def epipolar_residuals(pose: RigidTransform | TwoViewPose, points: TwoViewPoints) -> FloatArray:
@@ -154,6 +148,16 @@ def corrected_rays(
     corrected = np.empty((2, len(points), 2))
     kernel.corrected_rays(*_placed(pose, points, bows), weights, corrected)
     return corrected
+
+
+def behind(pose: TwoViewPose, points: TwoViewPoints, level: float) -> BoolArray:
+    """(N,) points behind the camera, the projector or their own plane; those on none by more than four sigma of depth.
+
+    `level` is the noise as a multiple of the points' own sigma.
+    """
+    found = np.empty(len(points), dtype=np.bool_)
+    kernel.behind(*_placed(pose, points, NO_BOWS)[:8], level, found.view(np.uint8))
+    return found
 
 
 def normal_equations(
@@ -205,6 +209,38 @@ def normal_blocks(
     return blocks
 
 
+def step_equations(
+    pose: TwoViewPose,
+    points: TwoViewPoints,
+    weights: FloatArray,
+    found: Residuals,
+    turns: tuple[FloatArray, FloatArray] = NO_TURNS,
+    bows: PlaneBows = NO_BOWS,
+) -> tuple[FloatArray, FloatArray]:
+    """J^T W J (S, S) and J^T W r (S,) of the pose, the planes (3 P), what turns the rays (2 A), and the bows (B P).
+
+    Bows have a prior of variance 1; planes are held as in `normal_equations`.
+    """
+    blocks = normal_blocks(pose, points, weights, found.both[None], turns, bows)
+    size = POSE_PARAMETERS + (3 + bows[0].shape[1]) * len(pose.planes) + 2 * turns[0].shape[2]
+    information, gradient = np.empty((size, size)), np.empty(size)
+    steps.assemble(np.ascontiguousarray(pose.planes), bows[1], blocks, information, gradient)
+    return information, gradient
+
+
+def solve_normal_equations(information: FloatArray, right: FloatArray, damping: float = 0.0) -> FloatArray:
+    """The step for one right-hand side (S,), or steps for many (S, K); DegenerateError where nothing determines one.
+
+    The diagonal of `information` counts 1 + damping times: Levenberg and Marquardt's step.
+    """
+    size = len(information)
+    columns = np.ascontiguousarray(right).reshape(size, -1)
+    solution, room = np.empty(columns.shape), np.empty((size, size + columns.shape[1]))
+    if not steps.solve(np.ascontiguousarray(information), columns, damping, room, solution):
+        raise DegenerateError("pose: the points do not determine it; show a plane that fills more of the picture")
+    return solution.reshape(right.shape)
+
+
 def _symmetric(lower: FloatArray) -> FloatArray:
     full = lower + lower.T
     full.flat[:: len(lower) + 1] /= 2
@@ -215,7 +251,7 @@ def _placed(pose: TwoViewPose, points: TwoViewPoints, bows: PlaneBows) -> _Place
     """What the kernels begin with, as they take it."""
     return (
         np.ascontiguousarray(pose.R),
-        np.array([pose.t, *tangent_basis(pose.t).T]),
+        direction_axes(pose.t),
         np.ascontiguousarray(pose.planes),
         np.ascontiguousarray(points.camera_rays),
         np.ascontiguousarray(points.projector_rays),

@@ -12,10 +12,10 @@ from cython.cimports.libc.math import fabs, sqrt
 
 DEGREE = cython.declare(cython.Py_ssize_t, 10)
 STEPS = cython.declare(cython.Py_ssize_t, 60)
-SETTLED = cython.declare(cython.double, 1e-9)
+SETTLED = cython.declare(cython.double, 1e-6)
 BOUND = cython.declare(cython.double, 1.1)  # roots beyond are those of the reversed polynomial; pairs are not split
 POLISHED = cython.declare(cython.Py_ssize_t, 12)
-EXACT = cython.declare(cython.double, 1e-12)
+EXACT = cython.declare(cython.double, 1e-7)
 TOUCHES = cython.declare(cython.double, 1e-9)
 SINGULAR = cython.declare(cython.double, 1e-13)  # of the largest pivot
 

@@ -5,6 +5,8 @@ from __future__ import annotations
 import cython
 
 INFINITY = cython.declare(cython.double, float("inf"))
+MOST_LIMITS = cython.declare(cython.Py_ssize_t, 16)
+ASKED = cython.declare(cython.Py_ssize_t, 16)  # every so many points, whether it is worth going on
 
 
 @cython.cfunc
@@ -39,25 +41,48 @@ def most_agreed(
     E: cython.const[cython.double][:, :, ::1],
     x: cython.const[cython.double][:, ::1],
     y: cython.const[cython.double][:, ::1],
-    limit: cython.double,
-) -> int:
-    """Index of the one of K essential matrices with the most agreement: sums of 1 - square / limit, none below zero.
+    limits: cython.const[cython.double][::1],
+    best: cython.longlong[::1],
+    most: cython.double[::1],
+) -> None:
+    """`best` (L,) <- which of K essential matrices has the most agreement, and `most` (L,) <- how much, at each limit.
 
-    One is given up where it falls short even if all points to come agree.
+    That is the sum of 1 - square / limit, none below zero. One is given up where it falls short of them all even if all
+    points to come agree.
     """
-    cython.declare(i=cython.Py_ssize_t, k=cython.Py_ssize_t)
-    best: cython.Py_ssize_t = 0
+    cython.declare(i=cython.Py_ssize_t, k=cython.Py_ssize_t, j=cython.Py_ssize_t)
     count: cython.Py_ssize_t = x.shape[0]
-    most, scale = -1.0, 1 / limit
+    number: cython.Py_ssize_t = limits.shape[0]
+    gain = cython.declare(cython.double[16])
+    if number > MOST_LIMITS:
+        raise ValueError("essential matrices: more limits than there is room for")
+    widest = 0.0
+    for j in range(number):
+        best[j], most[j] = 0, -1.0
+        widest = max(widest, limits[j])
     with cython.nogil:
         for i in range(E.shape[0]):
-            gain = 0.0
+            for j in range(number):
+                gain[j] = 0.0
             for k in range(count):
-                agreed = 1 - _sampson_square(E[i], x[k, 0], x[k, 1], y[k, 0], y[k, 1]) * scale
-                if agreed > 0:
-                    gain += agreed
-                elif gain + (count - k - 1) <= most:
-                    break
-            if gain > most:
-                most, best = gain, i
-    return best
+                u, v = y[k, 0], y[k, 1]
+                lx = E[i, 0, 0] * x[k, 0] + E[i, 0, 1] * x[k, 1] + E[i, 0, 2]
+                ly = E[i, 1, 0] * x[k, 0] + E[i, 1, 1] * x[k, 1] + E[i, 1, 2]
+                mx = E[i, 0, 0] * u + E[i, 1, 0] * v + E[i, 2, 0]
+                my = E[i, 0, 1] * u + E[i, 1, 1] * v + E[i, 2, 1]
+                value = lx * u + ly * v + E[i, 2, 0] * x[k, 0] + E[i, 2, 1] * x[k, 1] + E[i, 2, 2]
+                below = lx * lx + ly * ly + mx * mx + my * my
+                if value * value < widest * below:
+                    square = value * value / below
+                    for j in range(number):
+                        if square < limits[j]:
+                            gain[j] += 1 - square / limits[j]
+                elif k % ASKED == 0:
+                    hopeless: cython.bint = True
+                    for j in range(number):
+                        hopeless = hopeless and gain[j] + (count - k - 1) <= most[j]
+                    if hopeless:
+                        break
+            for j in range(number):
+                if gain[j] > most[j]:
+                    most[j], best[j] = gain[j], i

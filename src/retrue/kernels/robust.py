@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import cython
-from cython.cimports.libc.math import sqrt
+from cython.cimports.libc.math import fabs, sqrt
 
 INFINITY = cython.declare(cython.double, float("inf"))
+FEWEST = cython.declare(cython.double, 3.0)  # points of a block that tell what they share
+FEWEST_BLOCKS = cython.declare(cython.Py_ssize_t, 4)
 
 
 def reweighted_level(
@@ -44,20 +46,6 @@ def biweights(
         weights[k] = inside * inside if inside > 0 else 0.0
 
 
-def block_sums(
-    values: cython.const[cython.double][::1],
-    weights: cython.const[cython.double][::1],
-    blocks: cython.const[cython.longlong][::1],
-    number: cython.double[::1],
-    total: cython.double[::1],
-) -> None:
-    """Add up the weights, and the weighted values, of each block."""
-    for k in range(values.shape[0]):
-        if weights[k] > 0:
-            number[blocks[k]] += weights[k]
-            total[blocks[k]] += weights[k] * values[k]
-
-
 def number_blocks(
     points: cython.const[cython.double][:, ::1],
     group: cython.const[cython.longlong][::1],
@@ -90,3 +78,173 @@ def number_blocks(
                 row = cython.cast(cython.longlong, (points[k, 1] - extent[which, 2]) / height * per_side)
             column, row = min(column, per_side - 1), min(row, per_side - 1)
             blocks[k] = (which * per_side + row) * per_side + column
+
+
+@cython.cfunc
+@cython.nogil
+@cython.exceptval(check=False)
+def _selected(values: cython.double[::1], count: cython.Py_ssize_t, place: cython.Py_ssize_t) -> cython.double:
+    """The value at that place if the first `count` were sorted: none before it is larger, none after it smaller."""
+    cython.declare(i=cython.Py_ssize_t, j=cython.Py_ssize_t)
+    low: cython.Py_ssize_t = 0
+    high: cython.Py_ssize_t = count - 1
+    while low < high:
+        pivot = values[(low + high) // 2]
+        i, j = low, high
+        while i <= j:
+            while values[i] < pivot:
+                i += 1
+            while pivot < values[j]:
+                j -= 1
+            if i <= j:
+                values[i], values[j] = values[j], values[i]
+                i, j = i + 1, j - 1
+        if place <= j:
+            high = j
+        elif place >= i:
+            low = i
+        else:
+            break
+    return values[place]
+
+
+@cython.cfunc
+@cython.nogil
+@cython.exceptval(check=False)
+def _quantile(values: cython.double[::1], count: cython.Py_ssize_t, share: cython.double) -> cython.double:
+    """The value that a share of the first `count` stays below, linear in between; zero of nothing. It orders them."""
+    if count == 0:
+        return 0.0
+    place = share * (count - 1)
+    low: cython.Py_ssize_t = cython.cast(cython.Py_ssize_t, place)
+    below = _selected(values, count, low)
+    if low + 1 >= count:
+        return below
+    above = values[low + 1]
+    for k in range(low + 2, count):
+        above = min(above, values[k])
+    return below + (place - low) * (above - below) if below < above else below
+
+
+def absolute_quantile(
+    values: cython.const[cython.double][::1], every: cython.Py_ssize_t, share: cython.double, room: cython.double[::1]
+) -> cython.double:
+    """The absolute value that a share of every so many of the finite ones stays below; zero of nothing."""
+    cython.declare(k=cython.Py_ssize_t)
+    count: cython.Py_ssize_t = 0
+    for k in range(0, values.shape[0], every):
+        if fabs(values[k]) < INFINITY:
+            room[count] = fabs(values[k])
+            count += 1
+    return _quantile(room, count, share)
+
+
+def gather_weights(
+    both: cython.const[cython.double][:, ::1],
+    plane_index: cython.const[cython.longlong][::1],
+    planes: cython.Py_ssize_t,
+    floor: cython.double,
+    reach: cython.double,
+    median_to_sigma: cython.double,
+    cutoff: cython.double,
+    smallest: cython.double,
+    room: cython.double[::1],
+    levels: cython.double[::1],
+    weights: cython.double[:, ::1],
+) -> cython.double:
+    """`weights` (2, N) of residuals (2, N), each plane at its own level (P,), points on none at the reach returned.
+
+    A level is the median of both residuals. The reach is a third of the last one, or the median of what is on no plane
+    where that is less, but not below the floor: the least of the levels, or the one given where there is no plane.
+    `room` is (2 N,).
+    """
+    cython.declare(k=cython.Py_ssize_t, p=cython.Py_ssize_t, family=cython.Py_ssize_t)
+    for p in range(-1, planes):
+        count: cython.Py_ssize_t = 0
+        for family in range(2 if p >= 0 else 1):
+            for k in range(plane_index.shape[0]):
+                if plane_index[k] == p:
+                    room[count] = fabs(both[family, k]) if both[family, k] == both[family, k] else INFINITY
+                    count += 1
+        level = max(median_to_sigma * _quantile(room, count, 0.5), smallest)
+        levels[p + 1] = level
+        if p < 0:
+            free: cython.Py_ssize_t = count
+        elif p == 0 or level < floor:
+            floor = level
+    reach = max(floor, min(reach / 3, levels[0])) if free > 0 else floor
+    levels[0] = reach
+    for k in range(plane_index.shape[0]):
+        level = levels[plane_index[k] + 1]
+        for family in range(2):
+            relative = both[family, k] / (cutoff * level)
+            inside = 1 - relative * relative
+            weights[family, k] = inside * inside / (level * level) if inside > 0 else 0.0
+    return reach
+
+
+def shared_part(
+    values: cython.const[cython.double][::1],
+    weights: cython.const[cython.double][::1],
+    level: cython.double,
+    blocks: cython.const[cython.longlong][::1],
+    number: cython.double[::1],
+    total: cython.double[::1],
+    variance: cython.double[::1],
+) -> cython.double:
+    """`variance` (N,) <- effective ones, infinite in block -1; the shared part, zero where there is none to be seen.
+
+    `number` and `total` are room for the sums of each block.
+    """
+    cython.declare(k=cython.Py_ssize_t)
+    for k in range(number.shape[0]):
+        number[k], total[k] = 0.0, 0.0
+    for k in range(values.shape[0]):
+        if weights[k] > 0:
+            number[blocks[k]] += weights[k]
+            total[blocks[k]] += weights[k] * values[k]
+    used, excess, points = 0, 0.0, 0.0
+    for k in range(number.shape[0]):
+        if number[k] > FEWEST:
+            used, points = used + 1, points + number[k]
+            excess += total[k] * total[k] / number[k]
+    excess = excess / (level * level) - used
+    square = 0.0
+    if used >= FEWEST_BLOCKS and excess > 4 * sqrt(2.0 * used):
+        square = level * level * excess / points
+    for k in range(values.shape[0]):
+        variance[k] = level * level + square * number[blocks[k]] if blocks[k] >= 0 else INFINITY
+    return sqrt(square)
+
+
+def loss(
+    values: cython.const[cython.double][::1],
+    level: cython.double,
+    variance: cython.const[cython.double][::1],
+    cutoff: cython.double,
+) -> cython.double:
+    """Sum of Tukey's loss, r^2 near zero and saturated from the cutoff on and for NaN, of values over their level.
+
+    Each counts level^2 / variance.
+    """
+    scale, total = 1 / (cutoff * level), 0.0
+    for k in range(values.shape[0]):
+        relative = values[k] * scale
+        inside = 1 - relative * relative
+        total += (1 - inside * inside * inside if inside > 0 else 1.0) / variance[k]
+    return total * level * level * cutoff * cutoff / 3
+
+
+def mode(places: cython.const[cython.double][:, ::1], every: cython.Py_ssize_t, reach: cython.double) -> int:
+    """Which one of every so many places (N, 2) has the most others within reach along both axes; the first of them."""
+    cython.declare(i=cython.Py_ssize_t, k=cython.Py_ssize_t)
+    best: cython.Py_ssize_t = 0
+    most: cython.Py_ssize_t = -1
+    for i in range(0, places.shape[0], every):
+        x, y = places[i, 0], places[i, 1]
+        count: cython.Py_ssize_t = 0
+        for k in range(places.shape[0]):
+            count += fabs(places[k, 0] - x) < reach and fabs(places[k, 1] - y) < reach
+        if count > most:
+            most, best = count, i
+    return best

@@ -12,7 +12,8 @@ from cython.cimports.libc.math import sqrt
 
 NAN = cython.declare(cython.double, float("nan"))
 EDGE_ON = cython.declare(cython.double, 1e-12)  # of the variance along the line: below it a plane tells nothing there
-POSE = cython.declare(cython.Py_ssize_t, 5)
+SMALLEST = cython.declare(cython.double, 1e-12)
+FURTHER = cython.declare(cython.double, 4.0)  # sigma of a depth, that a point on no plane must be behind by
 UNKNOWNS = cython.declare(cython.Py_ssize_t, 8)  # of one point: the pose, and n of its plane
 MOST_EXTRA = cython.declare(cython.Py_ssize_t, 32)  # columns that a caller adds to the 8 of pose and plane
 
@@ -62,15 +63,18 @@ def _add(
     row: cython.p_double,
     weight: cython.double,
     used: cython.Py_ssize_t,
+    filled: cython.Py_ssize_t,
 ) -> cython.void:
-    """weight row row^T: the unknowns with each other into `square`, and each later column with those before it."""
+    """weight row row^T: the `used` unknowns with each other into `square`, later columns, if filled, with all."""
     for i in range(used):
         scaled: cython.double = weight * row[i]
         for j in range(i + 1):
             square[UNKNOWNS * i + j] += scaled * row[j]
-    for i in range(UNKNOWNS, block.shape[0]):
+    for i in range(UNKNOWNS, filled):
         scaled = weight * row[i]
-        for j in range(i + 1):
+        for j in range(used):
+            block[i, j] += scaled * row[j]
+        for j in range(UNKNOWNS, i + 1):
             block[i, j] += scaled * row[j]
 
 
@@ -252,7 +256,6 @@ def two_view(
             turned, shifted = _cross(v, _cross(y, t)), _cross(v, y)
             row[0], row[1], row[2] = turned.x * scale, turned.y * scale, turned.z * scale
             row[3], row[4] = _dot(first, shifted) * scale, _dot(second, shifted) * scale
-            row[5], row[6], row[7] = 0.0, 0.0, 0.0
             for i in range(extra):
                 row[UNKNOWNS + i] = columns[i, 0, k]
             for i in range(turns):
@@ -260,9 +263,7 @@ def two_view(
                 row[first_turn + turns + i] = (
                     at.lx * projector_turns[k, 0, i] + at.ly * projector_turns[k, 1, i]
                 ) * scale
-            for i in range(bends.shape[1]):
-                row[first_bow + i] = 0.0
-            _add(across, blocks[planes.shape[0]], row, weights[0, k], 5)
+            _add(across, blocks[planes.shape[0]], row, weights[0, k], 5, first_bow)
         if not on:
             continue
         # d h / d x, of h = H x with H = R + (1 + bend) t n^T.
@@ -307,8 +308,48 @@ def two_view(
             if last >= 0:
                 _flush(on_plane, blocks[last])
             last = plane
-        _add(on_plane, blocks[plane], row, weights[1, k], 8)
+        _add(on_plane, blocks[plane], row, weights[1, k], 8, blocks.shape[1])
     if adds:
         _flush(across, blocks[planes.shape[0]])
         if last >= 0:
             _flush(on_plane, blocks[last])
+
+
+def behind(
+    R: cython.const[cython.double][:, ::1],
+    axes: cython.const[cython.double][:, ::1],
+    planes: cython.const[cython.double][:, ::1],
+    camera_rays: cython.const[cython.double][:, ::1],
+    projector_rays: cython.const[cython.double][:, ::1],
+    camera_sigma: cython.const[cython.double][::1],
+    projector_sigma: cython.const[cython.double][::1],
+    plane_index: cython.const[cython.longlong][::1],
+    level: cython.double,
+    found: cython.uchar[::1],
+) -> None:
+    """`found` (N,) <- whether a point lies behind a device, or its plane faces away from one; noise of that level.
+
+    A pose that has no planes sees every point as on none.
+    """
+    cython.declare(k=cython.Py_ssize_t)
+    tx, ty, tz = axes[0, 0], axes[0, 1], axes[0, 2]
+    bx, by = R[0, 0] * tx + R[1, 0] * ty + R[2, 0] * tz, R[0, 1] * tx + R[1, 1] * ty + R[2, 1] * tz  # R^T t
+    bz = R[0, 2] * tx + R[1, 2] * ty + R[2, 2] * tz
+    for k in range(camera_rays.shape[0]):
+        plane: cython.Py_ssize_t = plane_index[k]
+        x, y = camera_rays[k, 0], camera_rays[k, 1]
+        depth = R[2, 0] * x + R[2, 1] * y + R[2, 2]
+        if 0 <= plane < planes.shape[0]:  # both devices are on one side of a surface: no light comes through it
+            least = 0.0
+            disparity = planes[plane, 0] * x + planes[plane, 1] * y + planes[plane, 2]
+            if not 1 + planes[plane, 0] * bx + planes[plane, 1] * by + planes[plane, 2] * bz > 0:
+                disparity = -1.0
+        else:  # y ~ R x + rho t along the epipolar line, by least squares
+            a, b = tx - projector_rays[k, 0] * tz, ty - projector_rays[k, 1] * tz
+            c = projector_rays[k, 0] * depth - (R[0, 0] * x + R[0, 1] * y + R[0, 2])
+            d = projector_rays[k, 1] * depth - (R[1, 0] * x + R[1, 1] * y + R[1, 2])
+            square = max(a * a + b * b, SMALLEST * SMALLEST)
+            disparity = (a * c + b * d) / square
+            variance = camera_sigma[k] * camera_sigma[k] + projector_sigma[k] * projector_sigma[k]
+            least = -FURTHER * level * sqrt(variance / square)
+        found[k] = disparity <= least or depth + disparity * tz <= 0

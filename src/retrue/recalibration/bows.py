@@ -19,12 +19,11 @@ def bow_shapes(points: TwoViewPoints) -> FloatArray:
         mine = np.flatnonzero(points.plane_index == plane)
         if len(mine) < 2 * BOWS:
             continue
-        x = points.camera_rays[mine]
-        linear = np.column_stack([x, np.ones(len(x))])
-        scaled = (x - x.mean(axis=0)) / np.maximum(x.std(axis=0), 1e-300)
-        bows = np.stack([scaled[:, 0] ** 2, scaled[:, 0] * scaled[:, 1], scaled[:, 1] ** 2], axis=1)
-        bows -= linear @ np.linalg.lstsq(linear, bows, rcond=None)[0]
-        shapes[mine] = bows / np.maximum(bows.std(axis=0) * np.sqrt(BOWS), 1e-300)
+        x = np.ascontiguousarray(points.camera_rays[mine].T)
+        u, v = (x - x.mean(axis=1)[:, None]) / np.maximum(x.std(axis=1), 1e-300)[:, None]
+        linear, bows = np.stack([u, v, np.ones(len(mine))]), np.stack([u * u, u * v, v * v])
+        bows -= bows @ linear.T @ np.linalg.pinv(linear @ linear.T) @ linear
+        shapes[mine] = (bows / np.maximum(bows.std(axis=1) * np.sqrt(BOWS), 1e-300)[:, None]).T
     return shapes
 
 

@@ -12,23 +12,20 @@ from retrue.geometry.five_points import best_essentials, poses_of_essential
 from retrue.geometry.planar_pose import PlanarPose, planar_pose_candidates, twin_pose
 from retrue.geometry.robust import MAD_TO_SIGMA, quantile
 from retrue.geometry.robust_homography import HYPOTHESES, MOST_HYPOTHESES, largest_plane, local_noise
-from retrue.geometry.transform import direction_angle, rotation_angle
-from retrue.geometry.two_view import FREE, TwoViewPoints, TwoViewPose, planes_of_pose
-from retrue.recalibration.fit import PoseFit, Support, gather, refine
+from retrue.geometry.two_view import FREE, TwoViewPoints, TwoViewPose, behind, planes_of_pose
+from retrue.recalibration.fit import PoseFit, Support, gather, refine, same_pose
 from retrue.recalibration.options import RecalibrateOptions
 from retrue.recalibration.posterior import Posterior
 from retrue.recalibration.rays import Rays
 from retrue.recalibration.reasons import PointsNotSpread, TooFewPoints, Undecidable
-from retrue.recalibration.scale import inverse_depths
 
 PLANARITY_PX = 0.25  # how far a real board or wall is off a plane, at least, in projector pixels
-GATHERED_POINTS = 800  # enough to bring a start near
+GATHERED_POINTS = 500  # enough to bring a start near
 STARTING_PLANES = 3
 MOST_BOW = 3.5  # of the usual bow of a wall
 MOST_SCATTER, SCATTER_PX = 4.0, 1.0  # along the epipolar line, of the noise across it, and at least
 SCORED_POINTS = 500
 FEWEST_FREE = 30  # points off all planes, below which five points tell nothing that planes do not
-SAME_POSE = np.radians(0.5)
 
 
 def check_spread(rays: Rays, options: RecalibrateOptions) -> None:
@@ -169,12 +166,14 @@ def refined_poses(starts: list[TwoViewPose], support: Support, rng: np.random.Ge
     few = points
     if len(points) > GATHERED_POINTS:
         few = points.select(np.sort(rng.choice(len(points), GATHERED_POINTS, replace=False)))
+    gathered: list[TwoViewPose] = []
     fits: list[PoseFit] = []
     for start in starts:
         try:
-            near = gather(start, few)
-            if not any(same_pose(near, fit.pose) for fit in fits):
-                fits.append(refine(near, support, iterations=3))
+            near = gather(start, few, gathered)
+            if not any(same_pose(near, pose) for pose in gathered):
+                gathered.append(near)
+                fits.append(refine(near, support, iterations=1))
         except DegenerateError:
             continue
     if not fits:
@@ -212,35 +211,6 @@ def twins_of(pose: TwoViewPose, points: TwoViewPoints) -> list[TwoViewPose]:
         if not any(same_pose(seen, other) for other in (pose, *found)):
             found.append(seen)
     return found
-
-
-def behind(pose: TwoViewPose, points: TwoViewPoints, level: float) -> BoolArray:
-    """(N,) points behind the camera, the projector or their own plane; those on none by more than four sigma of depth.
-
-    `level` is the noise as a multiple of the points' own sigma.
-    """
-    x = np.column_stack([points.camera_rays, np.ones(len(points))])
-    disparity = inverse_depths(pose, points)
-    parallax = np.hypot(
-        pose.t[0] - points.projector_rays[:, 0] * pose.t[2], pose.t[1] - points.projector_rays[:, 1] * pose.t[2]
-    )
-    sigma = np.hypot(points.camera_sigma, points.projector_sigma) * level / np.maximum(parallax, 1e-12)
-    least = -4 * sigma
-    if len(pose.planes):
-        on_plane = points.plane_index != FREE
-        n = pose.planes[np.maximum(points.plane_index, 0)]
-        disparity = np.where(on_plane, (x * n).sum(axis=1), disparity)
-        least = np.where(on_plane, 0.0, least)
-        # Camera and projector are on one side of a surface: light does not come through from behind.
-        lit = 1 + pose.planes @ (pose.R.T @ pose.t) > 0
-        disparity = np.where(on_plane & ~lit[np.maximum(points.plane_index, 0)], -1.0, disparity)
-    in_projector = x @ pose.R[2] + disparity * pose.t[2]
-    return np.asarray((disparity <= least) | (in_projector <= 0))
-
-
-def same_pose(a: TwoViewPose, b: TwoViewPose) -> bool:
-    """Whether two poses are one solution, found twice."""
-    return rotation_angle(a.R @ b.R.T) < SAME_POSE and direction_angle(a.t, b.t) < SAME_POSE
 
 
 def match_noise(points: TwoViewPoints, rng: np.random.Generator) -> float:

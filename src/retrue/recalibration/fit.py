@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -12,12 +13,11 @@ from retrue.geometry.arrays import BoolArray, FloatArray, IntArray
 from retrue.geometry.robust import (
     COVARIANCE_FACTOR,
     Noise,
-    biweight,
     biweight_level,
     biweight_loss,
     biweights,
+    gather_weights,
     grid_blocks,
-    median_level,
     reweighted_level,
     with_shared_part,
 )
@@ -29,14 +29,17 @@ from retrue.geometry.two_view import (
     Residuals,
     TwoViewPoints,
     TwoViewPose,
-    normal_equations,
     pose_covariance,
     residuals,
+    solve_normal_equations,
+    step_equations,
 )
 from retrue.recalibration.rays import Rays
 
 BLOCKS = 6  # per side: a slow error is common to 1/36 of the picture, or of a plane
 FEWEST_OF_A_FAMILY = 20  # residuals that tell its level
+SAME_POSE = np.radians(0.5)
+NEAR = 1e-3  # radians of a last step, before a start is refined on all points
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -82,7 +85,7 @@ class PoseFit:
     @cached_property
     def covariance(self) -> FloatArray:
         """(5, 5) of the pose, see `pose_covariance`."""
-        return pose_covariance(self._normal_equations[0]) * COVARIANCE_FACTOR
+        return pose_covariance(self._equations[0]) * COVARIANCE_FACTOR
 
     @property
     def explained(self) -> BoolArray:
@@ -96,13 +99,12 @@ class PoseFit:
 
     def improved(self) -> TwoViewPose:
         """One Gauss-Newton step further."""
-        information, gradient = self._normal_equations
+        information, gradient = self._equations
         return self.pose.moved(solve_normal_equations(information, -gradient))
 
     @cached_property
-    def _normal_equations(self) -> tuple[FloatArray, FloatArray]:
-        information, cross, _ = normal_equations(self.pose, self.points, self.weights, self.found.both[None])
-        return information, cross[:, 0]
+    def _equations(self) -> tuple[FloatArray, FloatArray]:
+        return step_equations(self.pose, self.points, self.weights, self.found)
 
 
 def refine(start: TwoViewPose, support: Support, iterations: int) -> PoseFit:
@@ -116,26 +118,24 @@ def refine(start: TwoViewPose, support: Support, iterations: int) -> PoseFit:
     return fit
 
 
-def gather(start: TwoViewPose, points: TwoViewPoints) -> TwoViewPose:
+def gather(start: TwoViewPose, points: TwoViewPoints, known: Sequence[TwoViewPose] = ()) -> TwoViewPose:
     """Draw in the points that a start from one plane misses: a wide reach for them, a third at each step.
 
     Each plane, and the points on none, have a scale of their own, so that the plane which the start
-    comes from holds the pose while the others pull it right.
+    comes from holds the pose while the others pull it right. On the way to a known pose it goes no further.
     """
-    pose, reach = start, np.inf
-    free = points.plane_index == FREE
-    members = [np.flatnonzero(points.plane_index == plane) for plane in range(len(start.planes))]
+    pose, reach, planes = start, np.inf, len(start.planes)
+    plane_index = np.ascontiguousarray(points.plane_index)
     for _ in range(12):
         found = residuals(pose, points)
-        levels = np.array([median_level(found.both[:, mine].ravel()) for mine in members])
-        floor = float(levels.min()) if members else biweight_level(found.epipolar)
-        reach = max(floor, min(reach / 3, median_level(found.epipolar[free]))) if free.any() else floor
-        scale = np.append(levels, reach)[points.plane_index]  # that of FREE is the last
-        weights = biweight(found.both / scale) / scale**2
-        information, cross, _ = normal_equations(pose, points, weights, found.both[None])
-        step = solve_normal_equations(information, -cross[:, 0])
-        pose = pose.moved(step)
-        if reach <= floor and np.abs(step[:POSE_PARAMETERS]).max() < 1e-4:
+        floor = np.inf if planes else biweight_level(found.epipolar)
+        weights, floor, reach = gather_weights(found.both, plane_index, planes, floor, reach)
+        information, gradient = step_equations(pose, points, weights, found)
+        step = solve_normal_equations(information, -gradient)
+        pose, length = pose.moved(step), float(np.abs(step[:POSE_PARAMETERS]).max())
+        if length < NEAR and reach <= floor:
+            break
+        if length < SAME_POSE and any(same_pose(pose, other) for other in known):
             break
     return pose
 
@@ -165,18 +165,10 @@ def chi_square(fit: PoseFit, reference: PoseFit) -> FloatArray:
     return epipolar + along
 
 
-def solve_normal_equations(information: FloatArray, right: FloatArray) -> FloatArray:
-    """The step for one right-hand side (S,), or steps for many (S, K); DegenerateError where nothing determines one."""
-    scale = np.sqrt(np.diag(information))
-    if not (scale > 0).all():
-        raise DegenerateError("pose: the points do not determine it; show a plane that fills more of the picture")
-    try:
-        step = (np.linalg.solve(information / np.outer(scale, scale), (right.T / scale).T).T / scale).T
-    except np.linalg.LinAlgError:
-        step = np.full(right.shape, np.nan)
-    if not np.isfinite(step).all():
-        raise DegenerateError("pose: the points do not determine it; show a plane that fills more of the picture")
-    return step
+def same_pose(a: TwoViewPose, b: TwoViewPose) -> bool:
+    """Whether two poses are one solution, found twice."""
+    near = np.cos(SAME_POSE)  # tr(A B^T) = 1 + 2 cos of the angle between
+    return bool(np.vdot(a.R, b.R) > 1 + 2 * near and a.t @ b.t > near)
 
 
 def _levels(found: Residuals, on_plane: int, correction: float) -> tuple[float, float]:

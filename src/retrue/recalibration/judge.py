@@ -46,6 +46,7 @@ from retrue.recalibration.posterior import (
     Posterior,
     Prior,
     fit_posterior,
+    improved,
     posterior_at,
 )
 from retrue.recalibration.rays import Rays, rays_of_captures
@@ -144,12 +145,15 @@ def judge(rig: Rig, captures: Sequence[Correspondences], options: RecalibrateOpt
         prior = Prior(effective_prior(prior.lens, lens))
     nobody = np.empty((len(rays), 0), dtype=np.int64)
     whole = _measured(rig, captures, rays, homographies, nobody, options.flatness_sigma)
-    for other in parts_apart(posterior_at(whole, start, prior), part, whole.homography_residuals):
+    answer = posterior_at(whole, start, prior)
+    others = parts_apart(answer, part, whole.homography_residuals)
+    for other in others:
         whole = set_aside(whole, other)
-    answer = fit_posterior(whole, start, prior, 3)
+    answer = improved(posterior_at(whole, start, prior) if others else answer, 1)  # enough to see how planes are bowed
     scale = measured_scale(answer.parameters.bows.ravel(), answer.bow_information)
     whole = replace(whole, flatness=scale * whole.flatness)
-    answer = fit_posterior(whole, replace(answer.parameters, bows=answer.parameters.bows / scale), prior, 3)
+    parameters = replace(answer.parameters, bows=answer.parameters.bows / scale)
+    answer = improved(replace(answer, parameters=parameters, measured=whole), 3)
     outside = unexplained(answer)
     others = [
         *parts_apart(answer, part, whole.homography_residuals),
@@ -297,10 +301,9 @@ def _measured(
     neighbours: IntArray,
     flatness: float,
 ) -> Measured:
-    camera_px, projector_px = np.empty((len(rays), 2)), np.empty((len(rays), 2))
-    for index, capture in enumerate(captures):
-        mine = rays.capture == index
-        camera_px[mine], projector_px[mine] = capture.camera_px[rays.row[mine]], capture.projector_px[rays.row[mine]]
+    rows = [rays.row[rays.capture == index] for index in range(len(captures))]  # one capture after the other
+    camera_px = np.concatenate([capture.camera_px[mine] for capture, mine in zip(captures, rows, strict=True)])
+    projector_px = np.concatenate([capture.projector_px[mine] for capture, mine in zip(captures, rows, strict=True)])
     missed = homography_residuals(rays.points, homographies)
     shapes = bow_shapes(rays.points)
     return Measured(rig, camera_px, projector_px, Support.of(rays), shapes, flatness, neighbours, 0.0, missed)

@@ -10,7 +10,7 @@ import numpy as np
 from retrue.errors import DegenerateError
 from retrue.geometry.arrays import BoolArray, FloatArray
 from retrue.geometry.five_points import best_essentials, sampson_squares
-from retrue.geometry.robust import CUTOFF, biweight_level
+from retrue.geometry.robust import CUTOFF, biweight_level, within_reach_of_mode
 from retrue.geometry.two_view import FREE, POSE_PARAMETERS, TwoViewPoints
 from retrue.recalibration.candidates import behind
 from retrue.recalibration.posterior import Measured, PosePrior, Posterior, fit_posterior
@@ -98,13 +98,13 @@ def shifted_copy(posterior: Posterior, outside: BoolArray) -> Part | None:
     y = np.column_stack([points.projector_rays[rows], np.ones(len(rows))])
     best, shifted = None, np.empty((0, 2))
     for n in pose.planes:
-        H = pose.R + np.outer(pose.t, n)
+        H: FloatArray = pose.R + pose.t[:, None] * n
         with np.errstate(all="ignore"):
-            forth, back = x @ H.T, y @ np.linalg.inv(H).T
+            inverse = np.asarray(np.linalg.inv(H), dtype=np.float64)
+            forth, back = x @ H.T, y @ inverse.T
             shifts = (y[:, :2] - forth[:, :2] / forth[:, 2:], x[:, :2] - back[:, :2] / back[:, 2:])
         for shift in shifts:
-            near = np.abs(shift[:, None] - shift[None, :: max(1, len(rows) // CENTRES)]).max(axis=2) < noise
-            mode = near[:, int(np.argmax(near.sum(axis=0)))]
+            mode = within_reach_of_mode(shift, CENTRES, noise)
             if np.count_nonzero(mode) >= fewest and (best is None or np.count_nonzero(mode) > np.count_nonzero(best)):
                 best, shifted = mode, np.asarray(shift[mode], dtype=np.float64)
     if best is None:

@@ -14,26 +14,26 @@ import numpy as np
 
 from retrue.errors import DegenerateError
 from retrue.geometry.arrays import BoolArray, FloatArray, IntArray
-from retrue.geometry.robust import COVARIANCE_FACTOR, Noise
+from retrue.geometry.robust import COVARIANCE_FACTOR, Noise, total_loss
 from retrue.geometry.transform import vector_from_rotation
 from retrue.geometry.two_view import (
     NO_TURNS,
-    PARAMETERS,
     POSE_PARAMETERS,
     TwoViewPoints,
     TwoViewPose,
     corrected_rays,
-    normal_blocks,
+    solve_normal_equations,
+    step_equations,
     tangent_basis,
 )
 from retrue.recalibration.bows import BOWS
 from retrue.recalibration.chance import without_chance
-from retrue.recalibration.fit import PoseFit, Support, chi_square, evaluate, solve_normal_equations
+from retrue.recalibration.fit import PoseFit, Support, evaluate
 from retrue.recalibration.lens import LENS_PARAMETERS, LensPrior
 from retrue.recalibration.measured import Measured
 
 LENSES = 2 * LENS_PARAMETERS
-SETTLED = 1e-3  # of a squared standard deviation
+SETTLED = 0.02  # of a squared standard deviation; after such a step about a sixtieth of that is left
 FLAT = 0.02  # of chi-square: what a damped step gains along a valley where nothing more is to be told
 MUCH_DAMPING, LARGEST_DAMPING = 0.3, 1e6
 
@@ -152,23 +152,19 @@ class Posterior:
 
     @cached_property
     def _normal_equations(self) -> tuple[FloatArray, FloatArray]:
-        return _normal_equations(self, lenses=True)
+        return _equations(self, lenses=True)
 
     @cached_property
     def _equations_of_a_step(self) -> tuple[FloatArray, FloatArray]:
         """Of what the points may move."""
-        if self.prior.free:
-            return self._normal_equations
-        own, _ = self._parts
-        information, gradient = _normal_equations(self, lenses=False)
-        return information[np.ix_(own, own)], gradient[own]
+        return self._normal_equations if self.prior.free else _equations(self, lenses=False)
 
     @property
     def pose(self) -> TwoViewPose:
         """R, unit t, planes."""
         return self.parameters.pose
 
-    @property
+    @cached_property
     def covariance(self) -> FloatArray:
         """(5, 5) of the pose, see `pose_covariance`: all else is free within its prior.
 
@@ -182,7 +178,7 @@ class Posterior:
         follows = inverse @ self.information[np.ix_(own, lens)]
         return inverse[:, :POSE_PARAMETERS] * COVARIANCE_FACTOR + follows @ self.prior.lens.covariance @ follows.T
 
-    @property
+    @cached_property
     def statistical_covariance(self) -> FloatArray:
         """(5, 5) of the pose, the lenses being exactly as they are."""
         own, _ = self._parts
@@ -216,12 +212,11 @@ class Posterior:
     @property
     def bow_information(self) -> FloatArray:
         """(3 P, 3 P) of the bows, priors included, pose and planes being free, the lenses as they are."""
+        own, _ = self._parts
+        information = self.information[np.ix_(own, own)] if self.prior.free else self._equations_of_a_step[0]
         first = POSE_PARAMETERS + 3 * len(self.pose.planes)
-        rest, bows = np.arange(first), np.arange(first + LENSES, first + LENSES + BOWS * len(self.pose.planes))
-        cross = self.information[np.ix_(rest, bows)]
-        told = self.information[np.ix_(bows, bows)] - cross.T @ solve_normal_equations(
-            self.information[np.ix_(rest, rest)], cross
-        )
+        cross = information[:first, first:]
+        told = information[first:, first:] - cross.T @ solve_normal_equations(information[:first, :first], cross)
         return (told + told.T) / 2
 
     @property
@@ -239,11 +234,12 @@ class Posterior:
     def step(self, damping: float) -> tuple[FloatArray, float]:
         """Of a Levenberg-Marquardt iteration, and its squared length in sigma; lenses that are not free stay."""
         information, gradient = self._equations_of_a_step
-        damped = information + damping * np.diag(np.diag(information))
-        found = solve_normal_equations(damped, -gradient)
-        step = np.zeros(POSE_PARAMETERS + LENSES + (3 + BOWS) * len(self.pose.planes))
-        step[slice(None) if self.prior.free else self._parts[0]] = found
-        return step, float(found @ information @ found)
+        step = solve_normal_equations(information, -gradient, damping)
+        length = float(step @ information @ step)
+        if not self.prior.free:
+            first = POSE_PARAMETERS + 3 * len(self.pose.planes)
+            step = np.concatenate([step[:first], np.zeros(LENSES), step[first:]])
+        return step, length
 
 
 def _inverse(information: FloatArray) -> FloatArray:
@@ -257,16 +253,20 @@ def _inverse(information: FloatArray) -> FloatArray:
 
 
 def fit_posterior(measured: Measured, start: Parameters, prior: Prior, iterations: int) -> Posterior:
-    """Robust Levenberg-Marquardt; DegenerateError where the points do not determine a pose."""
-    here = posterior_at(measured, start, prior)
+    """The most probable parameters near the start; DegenerateError where the points do not determine a pose."""
+    return improved(posterior_at(measured, start, prior), iterations)
+
+
+def improved(here: Posterior, iterations: int) -> Posterior:
+    """Robust Levenberg-Marquardt from one place to a better one."""
     cost, damping, too_long = _cost(here, here), 0.0, False
     for _ in range(iterations):
         step, length = here.step(damping)
-        moved = posterior_at(measured, here.parameters.moved(step), prior)
+        moved = posterior_at(here.measured, here.parameters.moved(step), here.prior)
         gained = cost - _cost(moved, here)
         if not gained >= -(cost * 1e-9 + 1e-6):
             damping, too_long = max(10 * damping, 1e-4), True
-            if damping > LARGEST_DAMPING:
+            if damping > LARGEST_DAMPING or length < SETTLED:
                 break
             continue
         settled = (damping < 1e-3 and length < SETTLED) or (0 < damping < MUCH_DAMPING and gained < FLAT)
@@ -280,7 +280,9 @@ def fit_posterior(measured: Measured, start: Parameters, prior: Prior, iteration
 
 def _cost(fit: Posterior, reference: Posterior) -> float:
     """In the noise of the reference, which a step is taken in."""
-    return float(chi_square(fit.fit, reference.fit).sum()) + fit.prior_cost
+    noises = reference.fit.epipolar_noise, reference.fit.along_noise
+    losses = [total_loss(*family) for family in zip(fit.fit.found.both, noises, strict=True)]
+    return sum(losses) + fit.prior_cost
 
 
 def posterior_at(measured: Measured, parameters: Parameters, prior: Prior) -> Posterior:
@@ -304,43 +306,19 @@ def _with_misfit(fit: PoseFit, measured: Measured) -> PoseFit:
     return replace(fit, epipolar_noise=noises[0], along_noise=noises[1])
 
 
-def _normal_equations(posterior: Posterior, lenses: bool) -> tuple[FloatArray, FloatArray]:
-    """Of all parameters; those of the lenses hold nothing but their prior where they are not asked for."""
+def _equations(posterior: Posterior, lenses: bool) -> tuple[FloatArray, FloatArray]:
+    """Information and gradient of pose, planes, lenses where they are asked for, and bows; priors included."""
     parameters, prior, fit = posterior.parameters, posterior.prior, posterior.fit
     pose, measured = parameters.pose, posterior.measured
     bows = measured.bends, np.ascontiguousarray(parameters.bows)
     turns = NO_TURNS
     if lenses:
         turns = measured.turns(parameters.lens, corrected_rays(pose, posterior.points, fit.weights, bows))
-    blocks = normal_blocks(pose, posterior.points, fit.weights, fit.found.both[None], turns, bows)
-    blocks += np.tril(blocks, -1).transpose(0, 2, 1)
-    planes = len(pose.planes)
-    size = POSE_PARAMETERS + 3 * planes
-    count = size + LENSES + BOWS * planes
-    information, gradient = np.zeros((count, count)), np.zeros(count)
-    lens = range(size, size + LENSES) if lenses else range(0)
-    extra = PARAMETERS + 1
-    for k, block in enumerate(blocks):
-        here: list[int] = [*range(POSE_PARAMETERS)]
-        there: list[int] = [*range(POSE_PARAMETERS)]
-        if k < planes:
-            here += [*range(5, 8), *range(extra, extra + len(lens) + BOWS)]
-            bow = size + LENSES + BOWS * k
-            there += [*range(5 + 3 * k, 8 + 3 * k), *lens, *range(bow, bow + BOWS)]
-        else:
-            here += [*range(extra, extra + len(lens))]
-            there += [*lens]
-        information[np.ix_(there, there)] += block[np.ix_(here, here)]
-        gradient[there] += block[here, PARAMETERS]
-    # A plane whose points all lost their weight stays where it is: one unit of information, relative to its n.
-    held = np.arange(POSE_PARAMETERS, size)
-    information[held, held] += np.repeat(1 / np.maximum((pose.planes**2).sum(axis=1), 1e-12), 3)
-    precision = prior.lens.precision
-    information[size : size + LENSES, size : size + LENSES] += precision
-    gradient[size : size + LENSES] += precision @ parameters.lens
-    bowed = np.arange(size + LENSES, count)
-    information[bowed, bowed] += 1.0
-    gradient[bowed] += parameters.bows.ravel()
+    information, gradient = step_equations(pose, posterior.points, fit.weights, fit.found, turns, bows)
+    if lenses:
+        lens = slice(POSE_PARAMETERS + 3 * len(pose.planes), POSE_PARAMETERS + 3 * len(pose.planes) + LENSES)
+        information[lens, lens] += prior.lens.precision
+        gradient[lens] += prior.lens.precision @ parameters.lens
     if prior.pose is not None:
         information[:POSE_PARAMETERS, :POSE_PARAMETERS] += prior.pose.precision
         gradient[:POSE_PARAMETERS] += prior.pose.precision @ prior.pose.difference(pose)

@@ -103,7 +103,7 @@ def _picture(
     }
     layout["margin"] = {**layout["margin"], "b": 84}
     unlit = int(np.count_nonzero(~known))
-    note = f" {unlit:,} points lie where it has the plane turned away from the projector." if unlit else ""
+    note = f" {unlit:,} points lie where it has no plane that the projector lights." if unlit else ""
     width, height = rig.camera.size
     return Chart(
         {"data": [trace], "layout": layout},
