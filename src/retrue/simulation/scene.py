@@ -77,73 +77,85 @@ def render(
         rows = np.arange(top, min(top + BAND, height))
         for dy in fractions:
             for dx in fractions:
-                light[rows] += _look(rig, scene, lamp, _grid(rows + dy, np.arange(width) + dx)).light
+                rays = _trace(rig, scene, _grid(rows + dy, np.arange(width) + dx))
+                light[rows] += _light(scene, lamp, rays).reshape(len(rows), width, 3)
     centres = [
-        _look(rig, scene, lamp, _grid(np.arange(top, min(top + BAND, height)), np.arange(width)))
+        _trace(rig, scene, _grid(np.arange(top, min(top + BAND, height)), np.arange(width)))
         for top in range(0, height, BAND)
     ]
     return Rendered(
         image=model.picture(light / supersample**2, seed),
-        depth=np.concatenate([part.depth for part in centres]),
-        projector_px=np.concatenate([part.projector_px for part in centres]),
-        visible=np.concatenate([part.visible for part in centres]),
-        surface=np.concatenate([part.surface for part in centres]),
+        depth=np.concatenate([np.where(rays.hit, rays.depth, np.nan) for rays in centres]).reshape(height, width),
+        projector_px=np.concatenate([rays.projector_px for rays in centres]).reshape(height, width, 2),
+        visible=np.concatenate([rays.lit for rays in centres]).reshape(height, width),
+        surface=np.concatenate([rays.surface for rays in centres]).reshape(height, width),
     )
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class _Seen:
-    light: FloatArray
+class _Rays:
+    """What (N,) rays of the camera meet, in its frame, and how the projector stands to it."""
+
+    direction: FloatArray
+    hit: BoolArray
     depth: FloatArray
-    projector_px: FloatArray
-    visible: BoolArray
     surface: IntArray
+    point: FloatArray
+    normal: FloatArray
+    projector_px: FloatArray
+    beam: FloatArray
+    distance: FloatArray
+    cosine: FloatArray
+    lit: BoolArray
 
 
 def _grid(y: FloatArray | IntArray, x: FloatArray | IntArray) -> FloatArray:
     return np.stack(np.meshgrid(x, y), axis=-1).astype(np.float64)
 
 
-def _look(rig: Rig, scene: Scene, lamp: FloatArray, pixels: FloatArray) -> _Seen:
-    """Light, and truth, of the rays through camera pixels (h, w, 2)."""
-    shape = pixels.shape[:-1]
+def _trace(rig: Rig, scene: Scene, pixels: FloatArray) -> _Rays:
+    """The rays through camera pixels (h, w, 2), row by row."""
     rays = rig.camera.unproject(pixels).reshape(-1, 2)
     direction = np.concatenate([rays, np.ones((len(rays), 1))], axis=1)
     depth, surface, normal = _first_hit(scene, np.zeros(3), direction)
     hit = np.isfinite(depth)
     point = np.where(hit, depth, 1.0)[:, None] * direction
-
-    in_projector = rig.projector_from_camera.apply(point)
-    projector_px = rig.projector.project(in_projector)
+    projector_px = rig.projector.project(rig.projector_from_camera.apply(point))
     projector_px[~hit] = np.nan
     source = rig.projector_from_camera.inverse().t
     beam = point - source
-    distance = np.linalg.norm(beam, axis=-1)
-    cosine = -np.sum(normal * beam, axis=-1) / distance
+    distance = np.sqrt(_dot(beam, beam))
+    cosine = -_dot(normal, beam) / distance
     with np.errstate(invalid="ignore"):
         lit = hit & rig.projector.contains(projector_px) & (cosine > 0)
-    shadow, _, _ = _first_hit(scene, source, beam)
-    lit &= shadow > 1 - SHADOW_GAP
+    for item in scene.surfaces:
+        lit &= item.hit(source, beam)[0] > 1 - SHADOW_GAP
+    return _Rays(direction, hit, depth, surface, point, normal, projector_px, beam, distance, cosine, lit)
 
-    albedo, gloss = np.zeros((len(rays), 3)), np.zeros(len(rays))
+
+def _light(scene: Scene, lamp: FloatArray, rays: _Rays) -> FloatArray:
+    """(N, 3) what comes back along the rays."""
+    count = len(rays.point)
+    albedo, gloss = np.zeros((count, 3)), np.zeros(count)
     for index, item in enumerate(scene.surfaces):
-        here = surface == index
-        albedo[here] = item.paint.albedo(point[here])
+        here = rays.surface == index
+        albedo[here] = item.paint.albedo(rays.point[here])
         gloss[here] = item.paint.gloss
-    falloff = 1.0 if scene.bright_at is None else (scene.bright_at / distance) ** 2
-    shown = _bilinear(lamp, np.where(lit[:, None], projector_px, 0.0)) * (lit * falloff)[:, None]
-    mirrored = beam / distance[:, None] + 2 * cosine[:, None] * normal
-    toward = -direction / np.linalg.norm(direction, axis=-1, keepdims=True)
-    lobe = gloss * np.maximum(np.sum(mirrored * toward, axis=-1), 0.0) ** 40
-    light = shown * (albedo * np.maximum(cosine, 0.0)[:, None] + lobe[:, None]) + albedo * np.asarray(scene.ambient)
-    light[~hit] = 0.0
-    return _Seen(
-        light=light.reshape(*shape, 3),
-        depth=np.where(hit, depth, np.nan).reshape(shape),
-        projector_px=projector_px.reshape(*shape, 2),
-        visible=lit.reshape(shape),
-        surface=surface.reshape(shape),
-    )
+    falloff = np.ones(count) if scene.bright_at is None else (scene.bright_at / rays.distance) ** 2
+    shown = np.zeros((count, 3))
+    shown[rays.lit] = _bilinear(lamp, rays.projector_px[rays.lit]) * falloff[rays.lit, None]
+    reflected = albedo * np.maximum(rays.cosine, 0.0)[:, None]
+    if gloss.any():
+        mirrored = rays.beam / rays.distance[:, None] + 2 * rays.cosine[:, None] * rays.normal
+        toward = -rays.direction / np.sqrt(_dot(rays.direction, rays.direction))[:, None]
+        reflected += (gloss * np.maximum(_dot(mirrored, toward), 0.0) ** 40)[:, None]
+    light = shown * reflected + albedo * np.asarray(scene.ambient)
+    light[~rays.hit] = 0.0
+    return light
+
+
+def _dot(a: FloatArray, b: FloatArray) -> FloatArray:
+    return np.einsum("ij,ij->i", a, b)
 
 
 def _first_hit(scene: Scene, origin: FloatArray, direction: FloatArray) -> tuple[FloatArray, IntArray, FloatArray]:
@@ -165,6 +177,8 @@ def _bilinear(image: FloatArray, at: FloatArray) -> FloatArray:
     x, y = np.clip(at[:, 0], 0, w - 1), np.clip(at[:, 1], 0, h - 1)
     x0, y0 = np.minimum(x.astype(np.int64), w - 2), np.minimum(y.astype(np.int64), h - 2)
     fx, fy = (x - x0)[:, None], (y - y0)[:, None]
-    upper = image[y0, x0] * (1 - fx) + image[y0, x0 + 1] * fx
-    lower = image[y0 + 1, x0] * (1 - fx) + image[y0 + 1, x0 + 1] * fx
+    pixels, first = image.reshape(h * w, -1), y0 * w + x0
+    corners: list[FloatArray] = [pixels.take(first + step, axis=0) for step in (0, 1, w, w + 1)]
+    upper = corners[0] * (1 - fx) + corners[1] * fx
+    lower = corners[2] * (1 - fx) + corners[3] * fx
     return upper * (1 - fy) + lower * fy
