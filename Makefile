@@ -1,6 +1,7 @@
 # `make test` and `make demo` need Python 3.11 or newer, make and git; all else goes into .venv.
 PYTHON ?= python3
 BIN := .venv/bin
+INSTALL := $(BIN)/python -m pip install --quiet --no-compile  # Python compiles what is imported, when it is
 COMPILE := $(BIN)/uv pip compile --quiet --universal --generate-hashes --python-version 3.11 --no-header --no-annotate
 COMPILED := setup.py build_backend/retrue_build.py $(wildcard src/retrue/kernels/*.py)
 
@@ -20,9 +21,9 @@ static: .venv/dev.stamp .venv/run.stamp
 	$(BIN)/lint-imports
 	$(BIN)/pyright --pythonpath $(BIN)/python
 
-# Files go whole to one process, so that what a module's tests share is made once.
+# Files go whole to one process, so that what a module's tests share is made once; linear algebra has one core each.
 dynamic: .venv/dev.stamp .venv/run.stamp
-	$(BIN)/pytest --numprocesses=2 --dist=loadfile $(PYTEST)
+	OPENBLAS_NUM_THREADS=1 $(BIN)/pytest --numprocesses=2 --dist=loadfile $(PYTEST)
 
 demo: .venv/run.stamp
 	$(BIN)/retrue demo --out demo-out
@@ -66,14 +67,14 @@ clean:
 	rm -rf .venv build demo-out src/retrue/kernels/*.so
 
 .venv/run.stamp: .venv/locked.stamp pyproject.toml $(COMPILED)
-	$(BIN)/python -m pip install --quiet --no-deps --editable .
+	$(INSTALL) --no-deps --editable .
 	touch $@
 
 .venv/dev.stamp: requirements-dev.lock .venv/locked.stamp
-	$(BIN)/python -m pip install --quiet --require-hashes -r requirements-dev.lock
+	$(INSTALL) --require-hashes -r requirements-dev.lock
 	touch $@
 
 .venv/locked.stamp: requirements.lock
 	$(PYTHON) -m venv .venv
-	$(BIN)/python -m pip install --quiet --require-hashes -r requirements.lock
+	$(INSTALL) --require-hashes -r requirements.lock
 	touch $@

@@ -27,9 +27,9 @@ def refused(retrue, files, job, *arguments):
     return run
 
 
-@pytest.fixture
-def pattern(files):
-    path = files.folder / "pattern.json"
+@pytest.fixture(scope="module")
+def pattern(tmp_path_factory):
+    path = tmp_path_factory.mktemp("grid") / "pattern.json"
     write_pattern(path, make_color_grid((1024, 768), 20, 26, seed=2))
     return path
 

@@ -140,7 +140,7 @@ class Camera(ByValue, ShortRepr):
         """Which pixels (..., 2) lie in the picture; its edge is half a pixel beyond the outer centres."""
         pixels = np.asarray(pixels, dtype=np.float64)
         inside = (pixels >= -margin) & (pixels <= np.array(self.size) - 1 + margin)
-        return np.all(inside, axis=-1, keepdims=False)
+        return inside[..., 0] & inside[..., 1]
 
     def _distortion_terms(self, x: FloatArray, y: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
         k1, k2, p1, p2, k3 = self.distortion[:5]

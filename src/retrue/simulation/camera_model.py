@@ -70,7 +70,8 @@ def gaussian_blur(image: FloatArray, sigma: float) -> FloatArray:
         size = int(image.shape[axis])
         total = np.zeros_like(image)
         for shift in range(len(weights)):
-            total += weights[shift] * np.take(padded, shift + np.arange(size), axis=axis)
+            window = slice(shift, shift + size)
+            total += weights[shift] * (padded[window] if axis == 0 else padded[:, window])
         image = total
     return image
 
