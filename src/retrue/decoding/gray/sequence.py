@@ -48,7 +48,7 @@ class GraySequence:
     Attributes
     ----------
     stripes : of each axis.
-    patterns, inverses : of each axis, most significant bit first; one that was not taken is white + black less the other.
+    patterns, inverses : of each axis, most significant bit first; one not taken is white + black less the other.
     names : of the pictures in `patterns` and `inverses`: (pattern, inverse) by axis and bit.
     paired : whether every pattern has an inverse that was taken.
     white, black : of the scene.
