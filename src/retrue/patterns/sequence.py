@@ -16,7 +16,8 @@ AXES: tuple[Literal["column"], Literal["row"]] = ("column", "row")
 """The columns' code tells projector x, the rows' projector y."""
 MOST_FRAMES = 1000
 FEWEST_SHIFTS = 3
-SAME_PERIOD = 1e-9
+SAME_PHASE = 0.015
+"""Turns: sines that differ by no more are not told apart."""
 LEAST_DETERMINANT = 1e-3
 """Of the shifts' normal equations over N: below it, they do not tell brightness, modulation and phase apart."""
 
@@ -255,9 +256,18 @@ class FrameSequence:
 def _reach(gray: GrayBits | None, sines: Sequence[Sine]) -> float:
     """How many projector pixels the pictures of an axis tell apart."""
     told = 0.0 if gray is None else float(gray.step_px * 2 ** (gray.bits[0][0] + 1))
-    for index, sine in enumerate(sines):
-        told = max(told, sine.period_px)
-        for other in sines[index + 1 :]:
-            if other.period_px - sine.period_px > SAME_PERIOD:
-                told = max(told, sine.period_px * other.period_px / (other.period_px - sine.period_px))
+    if sines:
+        told = max(told, sines[-1].period_px, repeat_px(sines))
     return told
+
+
+def repeat_px(sines: Sequence[Sine]) -> float:
+    """After how many pixels all of these sines are nearly where they were; the first is the shortest."""
+    shortest = sines[0].period_px
+    turns = 1
+    while turns * shortest < MAX_PROJECTOR_SIDE:
+        off = [turns * shortest / sine.period_px for sine in sines]
+        if max(abs(each - round(each)) for each in off) < SAME_PHASE:
+            break
+        turns += 1
+    return turns * shortest

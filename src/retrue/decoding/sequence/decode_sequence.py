@@ -16,12 +16,14 @@ from retrue.decoding.gray.faults import CAPTURE
 from retrue.decoding.gray.sequence import gray_sequence
 from retrue.decoding.light import saturated
 from retrue.decoding.sequence.arrange import ArrangedSequence, arrange
+from retrue.decoding.sequence.read_sines import REASONS as SINE_REASONS
+from retrue.decoding.sequence.read_sines import plan_sines, read_sines
 from retrue.errors import CaptureError
 from retrue.geometry.arrays import FloatArray, Image
 from retrue.patterns.gray_code import GrayCode
 from retrue.patterns.sequence import FrameSequence
 
-REASONS = GRAY_REASONS
+REASONS = {**GRAY_REASONS, **SINE_REASONS}
 
 
 def decode_sequence(
@@ -59,7 +61,7 @@ class Points:
     ----------
     pixels : (N,) flat index into the band, ascending.
     projector_px : by axis, (N,).
-    variance_px2 : (N,) of either coordinate.
+    sigma_px : (N,) of either coordinate.
     light : (N,) what the projector adds, or None.
     seen : lit pixels; rejected : those that are no points, by reason.
     """
@@ -74,21 +76,43 @@ class Points:
 
 def decode_arranged(sequence: ArrangedSequence) -> Correspondences:
     """The same, of pictures that are arranged already."""
-    gray_axes = [axis for axis in sequence.spec.axes if not sequence.spec.sines(axis)]
+    sine_axes = [axis for axis in sequence.spec.axes if sequence.spec.sines(axis)]
+    gray_axes = [axis for axis in sequence.spec.axes if axis not in sine_axes]
+    rows = band_rows(sequence.white.shape[0])
+    details: dict[str, object] = {}
+    read: list[list[Points]] = []
     with ThreadPoolExecutor(2) as threads:
-        details: dict[str, object] = {}
-        bands: list[Points] = []
         if gray_axes:
-            read = read_gray(gray_sequence(sequence, gray_axes), threads, thorough=sequence.thorough)
-            bands = [Points(b.pixels, b.projector_px, b.sigma_px, None, b.seen, b.rejected) for b in read]
-            depths = np.sum([band.depths for band in read], axis=0).tolist()
+            found = read_gray(gray_sequence(sequence, gray_axes), threads, thorough=sequence.thorough)
+            read.append([Points(b.pixels, b.projector_px, b.sigma_px, None, b.seen, b.rejected) for b in found])
+            depths = np.sum([band.depths for band in found], axis=0).tolist()
             if len(depths) > 1:
                 details["points_by_bits_left_out"] = depths
-        return _assemble(sequence, bands, details, threads)
+        if sine_axes:
+            noise, plans = plan_sines(sequence, sine_axes)
+            details |= {"noise_floor": noise.floor, "noise_gain": noise.gain}
+            sines = read_sines(sequence, noise, plans, rows, threads)
+            read.append([Points(b.pixels, b.projector_px, b.sigma_px, b.light, b.seen, b.rejected) for b in sines])
+        bands = read[0] if len(read) == 1 else [_both(*pair) for pair in zip(*read, strict=True)]
+        return _assemble(sequence, bands, rows, details, threads)
+
+
+def _both(gray: Points, sines: Points) -> Points:
+    """The pixels that both ways of reading took, one axis each."""
+    pixels, a, b = np.intersect1d(gray.pixels, sines.pixels, assume_unique=True, return_indices=True)
+    px = {axis: own[a] for axis, own in gray.projector_px.items()}
+    px |= {axis: own[b] for axis, own in sines.projector_px.items()}
+    sigma = np.sqrt((gray.sigma_px[a] ** 2 + sines.sigma_px[b] ** 2) / 2)
+    lost = {"undecided": max(gray.seen, sines.seen) - len(pixels)}
+    return Points(pixels, px, sigma, None if sines.light is None else sines.light[b], max(gray.seen, sines.seen), lost)
 
 
 def _assemble(
-    sequence: ArrangedSequence, bands: Sequence[Points], details: Mapping[str, object], threads: ThreadPoolExecutor
+    sequence: ArrangedSequence,
+    bands: Sequence[Points],
+    rows: Sequence[range],
+    details: Mapping[str, object],
+    threads: ThreadPoolExecutor,
 ) -> Correspondences:
     ends = np.cumsum([len(band.pixels) for band in bands])
     total = int(ends[-1])
@@ -115,7 +139,7 @@ def _assemble(
         seen = seen >> 8 if seen.dtype == np.uint16 else seen
         colors[part] = seen[:, None] if seen.ndim == 1 else seen
 
-    list(threads.map(fill, bands, band_rows(height), ends.tolist()))
+    list(threads.map(fill, bands, rows, ends.tolist()))
     for array in (camera_px, projector_px, sigma_px, light):
         array.setflags(write=False)
     return Correspondences(
