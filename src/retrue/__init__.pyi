@@ -63,6 +63,9 @@ from retrue.pages import write_report as write_report
 from retrue.patterns.color_grid import ColorGrid as ColorGrid
 from retrue.patterns.color_grid import make_color_grid as make_color_grid
 from retrue.patterns.gray_code import GrayCode as GrayCode
+from retrue.patterns.layouts import layout_sequence as layout_sequence
+from retrue.patterns.sequence import Frame as Frame
+from retrue.patterns.sequence import FrameSequence as FrameSequence
 from retrue.recalibration.options import KnownDistance as KnownDistance
 from retrue.recalibration.options import RecalibrateOptions as RecalibrateOptions
 from retrue.recalibration.options import VerifyOptions as VerifyOptions

@@ -4,12 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
+from pathlib import Path
 from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from retrue.errors import InputError, require_kind, require_kinds
+from retrue.errors import CaptureError, InputError, require_kind, require_kinds
 from retrue.geometry.arrays import BoolArray, FloatArray, IntArray, finite_array, frozen_array, whole_size
 from retrue.shown import ShortRepr, Shown, counted
 from retrue.values import ByValue
@@ -45,7 +46,8 @@ class Correspondences(ByValue, ShortRepr):
     Attributes
     ----------
     camera_px : (N, 2) float64, (x, y).
-    projector_px : (N, 2) float64, (x, y).
+    projector_px : (N, 2) float64, (x, y). Of a capture that tells one coordinate only, as columns alone do, the other
+        column is NaN, all of it.
     camera_sigma_px, projector_sigma_px : (N,) standard deviation of each point's noise, per axis, or
         None where the decoder cannot tell. Only their ratios need to be right: jobs estimate the level.
     confidence : (N,) in 0 .. 1, or None.
@@ -75,7 +77,7 @@ class Correspondences(ByValue, ShortRepr):
 
     def __post_init__(self) -> None:
         camera_px = finite_array(self.camera_px, (None, 2), "camera_px")
-        projector_px = finite_array(self.projector_px, (None, 2), "projector_px")
+        projector_px = _known_axes(self.projector_px)
         object.__setattr__(self, "camera_px", frozen_array(camera_px))
         object.__setattr__(self, "projector_px", frozen_array(projector_px))
         for name, (dtype, row) in OPTIONAL_COLUMNS.items():
@@ -93,6 +95,15 @@ class Correspondences(ByValue, ShortRepr):
 
     def __len__(self) -> int:
         return len(self.camera_px)
+
+    @property
+    def axes(self) -> tuple[int, ...]:
+        """Which projector coordinates are known: (0, 1), only (0,), columns, or only (1,), rows.
+
+        >>> Correspondences([[320, 240]], [[100.5, np.nan]]).axes
+        (0,)
+        """
+        return tuple(axis for axis in range(2) if not (len(self) and np.isnan(self.projector_px[0, axis])))
 
     def select(self, rows: IntArray | BoolArray) -> Correspondences:
         """The same, with only those rows (a mask or indices)."""
@@ -114,8 +125,24 @@ class Correspondences(ByValue, ShortRepr):
 
 
 def _extent(pixels: FloatArray) -> str:
-    (left, top), (right, bottom) = pixels.min(axis=0), pixels.max(axis=0)
-    return f"x {round(left)} to {round(right)}, y {round(top)} to {round(bottom)}"
+    known = [(name, column) for name, column in zip("xy", pixels.T, strict=True) if not np.isnan(column[0])]
+    return ", ".join(f"{name} {round(column.min())} to {round(column.max())}" for name, column in known)
+
+
+def _known_axes(value: ArrayLike) -> FloatArray:
+    """`projector_px` as (N, 2): finite, but for one column that may be NaN from top to bottom."""
+    try:
+        array = np.asarray(value, dtype=np.float64)
+    except (TypeError, ValueError, OverflowError):
+        return finite_array(value, (None, 2), "projector_px")
+    if array.ndim == 2 and array.shape[1] == 2 and len(array):
+        unknown = np.isnan(array[0])
+        if unknown.any() and not unknown.all():
+            missing = int(unknown.argmax())
+            finite_array(array[:, [1 - missing]], (None, 1), "projector_px")
+            if np.isnan(array[:, missing]).all():
+                return array
+    return finite_array(array, (None, 2), "projector_px")
 
 
 def _column(value: ArrayLike, dtype: type[np.generic], row: tuple[int, ...], name: str) -> NDArray[Any]:
@@ -136,6 +163,21 @@ def _column(value: ArrayLike, dtype: type[np.generic], row: tuple[int, ...], nam
 def require_points(value: object) -> None:
     """An `InputError` that says what to hand in where `value` is no `Correspondences`."""
     require_kind(value, Correspondences, "points", READERS)
+
+
+def require_both_axes(points: Correspondences, name: str | Path = "points") -> None:
+    """A `CaptureError` where only columns or only rows are known, and a pose is asked for.
+
+    One coordinate gives depth, ray by ray, but next to nothing about how the devices stand to each other: from six
+    planes of columns alone a pose is 1 to 6 degrees off.
+    """
+    if len(points.axes) < 2:
+        known, other = ("columns", "row") if points.axes == (0,) else ("rows", "column")
+        raise CaptureError(
+            name,
+            f"expected both projector coordinates, found {known} only, which do not hold a pose: take a few {other} "
+            f"pictures too, or reconstruct, which needs no more",
+        )
 
 
 def require_captures(values: object) -> None:

@@ -89,7 +89,8 @@ def require_path(path: Any, call: str) -> Path:
 
 
 def _names(kind: type | tuple[type, ...]) -> str:
-    return " or ".join(each.__name__ for each in (kind if isinstance(kind, tuple) else (kind,)))
+    *others, last = [each.__name__ for each in (kind if isinstance(kind, tuple) else (kind,))]
+    return f"{', '.join(others)} or {last}" if others else last
 
 
 def _found(value: Any) -> str:

@@ -65,7 +65,7 @@ def test_picture_that_is_none(folder):
 def test_kind_of_capture_and_pattern_must_agree(folder):
     with pytest.raises(CaptureError, match="pattern is a colour grid"):
         read_capture(folder, GRID)
-    with pytest.raises(CaptureError, match="pattern is a Gray code"):
+    with pytest.raises(CaptureError, match="pattern is a sequence"):
         read_capture(folder / "img1.png", PATTERN)
     for path in (folder, folder / "img1.png"):
         with pytest.raises(CaptureError, match="--pattern"):

@@ -12,7 +12,7 @@ from retrue.calibration.views import BoardCapture, picture_size
 from retrue.correspondences import Correspondences
 from retrue.errors import CaptureError
 from retrue.geometry.arrays import Image
-from retrue.patterns.gray_code import GrayCode
+from retrue.patterns.color_grid import ColorGrid
 from retrue.patterns.pattern import Pattern
 
 MARGIN = 3.0
@@ -35,7 +35,7 @@ def see_board(name: str, pattern: Pattern, images: Sequence[Image], names: Seque
     CaptureError
         the pictures do not belong together or do not decode.
     """
-    if not isinstance(pattern, GrayCode):
+    if isinstance(pattern, ColorGrid):
         from retrue.decoding.blocks.decode_color_grid import decode_color_grid
 
         if len(images) != 2:
@@ -43,15 +43,15 @@ def see_board(name: str, pattern: Pattern, images: Sequence[Image], names: Seque
         white, grid = sorted(images, key=lambda image: -float(image.mean()))  # the grid is mostly black
         points = decode_color_grid(pattern, grid, white=white)  # which takes the print out, if it reflects at all
         return BoardCapture(name, white, points, _corners(white, board))
-    from retrue.decoding.gray.decode_gray_code import decode_sequence
-    from retrue.decoding.gray.sequence import arrange
+    from retrue.decoding.sequence.arrange import arrange
+    from retrue.decoding.sequence.decode_sequence import decode_arranged
 
     sequence = arrange(pattern, images, names)
     corners = _corners(sequence.white, board)
     if corners is None:
         return BoardCapture(name, sequence.white, NO_POINTS)
     rows, columns = _around(corners, board, sequence.white)
-    points = decode_sequence(pattern, sequence.part(rows, columns))
+    points = decode_arranged(sequence.part(rows, columns))
     camera_px = points.camera_px + np.array([columns.start, rows.start])
     whole = Correspondences(
         camera_px, points.projector_px, camera_size=picture_size(sequence.white), projector_size=pattern.projector_size

@@ -88,8 +88,14 @@ class ReportingCommand(Command):
 
     report: Annotated[Path | None, arg(metavar="PAGE.html")] = None
 
-    def read(self, rig: Rig, captures: Sequence[Path], pattern: Path | None) -> list[Capture]:
-        """The captures, with their photographs where a page will show them; all sizes are compared before any work."""
+    def read(
+        self, rig: Rig, captures: Sequence[Path], pattern: Path | None, *, one_coordinate: bool = False
+    ) -> list[Capture]:
+        """The captures, with their photographs where a page will show them; all sizes are compared before any work.
+
+        `one_coordinate`: columns or rows alone will do.
+        """
+        from retrue.correspondences import require_both_axes
         from retrue.files.captures import pictures_size
         from retrue.rasters import check_extent, check_pattern, check_pictures, check_rasters
 
@@ -103,6 +109,8 @@ class ReportingCommand(Command):
         for path, capture in zip(captures, read, strict=True):
             check_rasters(rig, capture.points, path)
             check_extent(rig, capture.points, path)
+            if not one_coordinate:
+                require_both_axes(capture.points, path)
         return read
 
 

@@ -92,7 +92,7 @@ class Reconstruct(ReportingCommand):
 
         require_writable(self.out, self.mesh, self.cad, self.report)
         rig = read_rig(self.rig)
-        (capture,) = self.read(rig, [self.capture], self.pattern)
+        (capture,) = self.read(rig, [self.capture], self.pattern, one_coordinate=True)
         self._require_formats(rig.unit)
         start = time.perf_counter()
         verification = verify(rig, [capture.points])
@@ -187,7 +187,9 @@ def _cloud_report(cloud: Cloud) -> dict[str, Any]:
 def _cloud_text(out: Path, report: dict[str, Any]) -> str:
     """What there is to say of a cloud, one thing a line."""
     points, correspondences = report["points"], report["correspondences"]
-    lines = [f"{out}: {points} points from {correspondences} correspondences, RMS {report['epipolar_rms_px']:.3f} px"]
+    rms = report["epipolar_rms_px"]
+    checked = "one coordinate, so nothing checks the rays" if rms is None else f"RMS {rms:.3f} px"
+    lines = [f"{out}: {points} points from {correspondences} correspondences, {checked}"]
     if report.get("dropped_alone") or report.get("dropped_in_islands"):
         lines.append(
             f"  strays left out: {report['dropped_alone']} alone, "

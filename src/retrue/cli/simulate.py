@@ -51,7 +51,7 @@ class Simulate(Command):
         from retrue.files.patterns import read_pattern, write_pattern
         from retrue.files.points import write_points
         from retrue.files.rigs import read_rig, write_rig
-        from retrue.patterns.gray_code import GrayCode
+        from retrue.patterns.color_grid import ColorGrid
         from retrue.simulation.mitsuba_scene import MeshFile, load_mitsuba
         from retrue.simulation.simulate import simulate
 
@@ -62,7 +62,7 @@ class Simulate(Command):
         start = time.perf_counter()
         simulated = simulate(rig, scene, pattern, self.options, terminal.progress("rendering"))
         seconds = time.perf_counter() - start
-        capture = made_folder(folder / "capture") if isinstance(pattern, GrayCode) else folder / "capture.png"
+        capture = folder / "capture.png" if isinstance(pattern, ColorGrid) else made_folder(folder / "capture")
         _write(simulated, rig, capture if capture.is_dir() else folder, folder / "truth.npz")
         truth = Correspondences(
             simulated.truth.camera_px,

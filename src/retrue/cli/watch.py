@@ -115,16 +115,16 @@ class Watch(Command):
     def _watch(self, state: WatchState, listeners: Sequence[Listener]) -> Watcher:
         from retrue.files.patterns import read_pattern
         from retrue.files.rigs import read_rig
-        from retrue.patterns.gray_code import GrayCode
+        from retrue.patterns.color_grid import ColorGrid
         from retrue.rasters import check_pattern
         from retrue.watch.events import EventLog
         from retrue.watch.stages import real_stages
         from retrue.watch.watch import Watch as Watcher
 
         pattern = None if self.pattern is None else read_pattern(self.pattern)
-        if isinstance(pattern, GrayCode):
+        if pattern is not None and not isinstance(pattern, ColorGrid):
             raise FileError(
-                str(self.pattern), "a watch reads single pictures: expected a colour grid, found a Gray code"
+                str(self.pattern), "a watch reads single pictures: expected a colour grid, found a sequence"
             )
         if pattern is not None and self.pattern is not None:
             check_pattern(read_rig(self.rig), pattern.projector_size, self.pattern)

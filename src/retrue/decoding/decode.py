@@ -11,8 +11,7 @@ from retrue.correspondences import Correspondences
 from retrue.errors import InputError, require_kind, require_kinds
 from retrue.geometry.arrays import Image
 from retrue.patterns.color_grid import ColorGrid
-from retrue.patterns.gray_code import GrayCode
-from retrue.patterns.pattern import Pattern
+from retrue.patterns.pattern import PATTERNS, Pattern
 
 
 def decode(pattern: Pattern, images: Image | Sequence[Image], *, names: Sequence[str] | None = None) -> Correspondences:
@@ -23,26 +22,28 @@ def decode(pattern: Pattern, images: Image | Sequence[Image], *, names: Sequence
     pattern : what the projector showed.
     images : colour grid: the picture of it, then optionally a black and a white one of the same scene.
         Gray code: all pictures in the pattern's order, white and black last, first or left out.
+        Sequence: the pictures of its frames.
         Each (height, width) or (height, width, 3), red green blue, uint8 or uint16.
     names : of the pictures, for messages; "picture 3" where not given.
 
     Returns
     -------
     Correspondences
-        camera and projector pixels, only valid ones; its `card` tells what was left out and why.
+        camera and projector pixels, only valid ones; one projector coordinate where a sequence shows one axis. Its
+        `card` tells what was left out and why.
 
     Raises
     ------
     CaptureError
         the pictures do not belong together or do not show this pattern; names the picture.
     """
-    require_kind(pattern, (ColorGrid, GrayCode), "pattern", "retrue.read_pattern reads one")
+    require_kind(pattern, PATTERNS, "pattern", "retrue.read_pattern reads one")
     pictures = [images] if isinstance(images, np.ndarray) else images
     require_kinds(pictures, np.ndarray, "images", "retrue.read_image reads one, and retrue.read_capture decodes files")
-    if isinstance(pattern, GrayCode):
-        from retrue.decoding.gray.decode_gray_code import decode_gray_code
+    if not isinstance(pattern, ColorGrid):
+        from retrue.decoding.sequence.decode_sequence import decode_sequence
 
-        return decode_gray_code(pattern, pictures, names)
+        return decode_sequence(pattern, pictures, names)
     if not 1 <= len(pictures) <= 3:
         raise InputError(
             f"colour grid: expected its picture, and at most a black and a white one, found {len(pictures)} pictures"
@@ -54,5 +55,5 @@ def decode(pattern: Pattern, images: Image | Sequence[Image], *, names: Sequence
 
 def import_decoder(pattern: Pattern) -> None:
     """Import what `decode` needs for such a pattern, as it otherwise does at its first call."""
-    name = "gray.decode_gray_code" if isinstance(pattern, GrayCode) else "blocks.decode_color_grid"
+    name = "blocks.decode_color_grid" if isinstance(pattern, ColorGrid) else "sequence.decode_sequence"
     import_module(f"retrue.decoding.{name}")

@@ -12,8 +12,7 @@ from retrue.calibration.views import BoardCapture, Progress
 from retrue.errors import CaptureError, require_kind, require_kinds, require_path
 from retrue.files.images import read_folder
 from retrue.patterns.color_grid import ColorGrid
-from retrue.patterns.gray_code import GrayCode
-from retrue.patterns.pattern import Pattern
+from retrue.patterns.pattern import PATTERNS, Pattern
 
 
 def read_board_captures(
@@ -38,11 +37,11 @@ def read_board_capture(path: str | Path, pattern: Pattern, board: Board) -> Boar
     cannot be read.
     """
     path = require_path(path, "read_board_capture(path, pattern, board)")
-    require_kind(pattern, (ColorGrid, GrayCode), "pattern", "retrue.read_pattern reads one")
+    require_kind(pattern, PATTERNS, "pattern", "retrue.read_pattern reads one")
     require_kind(board, Board, "board", "retrue.parse_board makes one of such a text")
     if not path.is_dir():
         raise CaptureError(path, "expected a folder with the pictures of one pose of the board")
-    images, paths = read_folder(path, color=() if isinstance(pattern, GrayCode) else (0, 1))
+    images, paths = read_folder(path, color=(0, 1) if isinstance(pattern, ColorGrid) else ())
     try:
         return see_board(str(path), pattern, images, [entry.name for entry in paths], board)
     except CaptureError as error:

@@ -12,7 +12,9 @@ from retrue.files.images import SUFFIXES, picture_paths, read_folder, read_image
 from retrue.geometry.arrays import Image
 from retrue.patterns.color_grid import ColorGrid
 from retrue.patterns.gray_code import GrayCode
-from retrue.patterns.pattern import Pattern
+from retrue.patterns.layouts import as_captured
+from retrue.patterns.pattern import PATTERNS, Pattern
+from retrue.patterns.sequence import FrameSequence
 
 GRID_PICTURES = ("grid", "white", "black")
 """What the folder of a colour grid holds."""
@@ -23,8 +25,8 @@ def read_capture(path: str | Path, pattern: Pattern | None = None) -> Correspond
 
     Parameters
     ----------
-    path : a picture of a colour grid, a folder of pictures (of a Gray code; or grid, white and black of a colour grid),
-        or a CSV of points.
+    path : a picture of a colour grid, a folder of pictures (of a Gray code or another sequence; or grid, white and
+        black of a colour grid), or a CSV of points.
     pattern : what the projector showed; not needed for a CSV.
 
     Raises
@@ -41,7 +43,7 @@ def load_capture(path: str | Path, pattern: Pattern | None = None, *, keep_photo
     """The same, with what else the files tell; a photograph takes memory, so keep those that will be shown."""
     path = require_path(path, "read_capture(path, pattern)")
     if pattern is not None:
-        require_kind(pattern, (ColorGrid, GrayCode), "pattern", "retrue.read_pattern reads one")
+        require_kind(pattern, PATTERNS, "pattern", "retrue.read_pattern reads one")
     if path.is_dir():
         points, photograph = _read_sequence(path, pattern)
     elif not path.exists():
@@ -75,13 +77,13 @@ def _read_sequence(path: Path, pattern: Pattern | None) -> tuple[Correspondences
         raise CaptureError(path, "a folder of pictures needs the pattern that they show: give --pattern P.json")
     if isinstance(pattern, ColorGrid):
         return _read_grid_folder(path, pattern)
-    from retrue.decoding.gray.decode_gray_code import decode_sequence
-    from retrue.decoding.gray.sequence import arrange
+    from retrue.decoding.sequence.arrange import arrange
+    from retrue.decoding.sequence.decode_sequence import decode_arranged
 
-    images, paths = read_folder(path, color=(0, pattern.picture_count - 2))
+    images, paths = read_folder(path, color=_in_color(path, pattern))
     try:
         sequence = arrange(pattern, images, [entry.name for entry in paths])
-        return decode_sequence(pattern, sequence), sequence.color
+        return decode_arranged(sequence), sequence.color
     except CaptureError as error:
         raise CaptureError(path, error.problem) from error
 
@@ -104,14 +106,22 @@ def _read_grid_folder(path: Path, pattern: ColorGrid) -> tuple[Correspondences, 
     return decode_color_grid(pattern, grid, black, white), grid
 
 
+def _in_color(path: Path, pattern: GrayCode | FrameSequence) -> list[int]:
+    """Which pictures of the folder may show the scene in white light."""
+    if isinstance(pattern, GrayCode):
+        return [0, pattern.picture_count - 2]
+    names = [entry.name for entry in picture_paths(path)]
+    spec = as_captured(pattern, len(names))
+    white = [index for index, frame in enumerate(spec.frames) if frame.code == "white"]
+    return white if spec.files is None else [names.index(spec.files[k]) for k in white if spec.files[k] in names]
+
+
 def _read_grid(path: Path, pattern: Pattern | None) -> tuple[Correspondences, Image]:
     """The points, and the picture."""
     if pattern is None:
         raise CaptureError(path, "a picture needs the pattern that it shows: give --pattern P.json")
     if not isinstance(pattern, ColorGrid):
-        raise CaptureError(
-            path, "one picture is a colour-grid capture, but the pattern is a Gray code: give its folder"
-        )
+        raise CaptureError(path, "one picture is a colour-grid capture, but the pattern is a sequence: give its folder")
     from retrue.decoding.blocks.decode_color_grid import decode_color_grid
 
     image = read_image(path)

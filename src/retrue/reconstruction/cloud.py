@@ -26,7 +26,7 @@ class Cloud(ByValue, ShortRepr, HasReport):
     camera_px : (N, 2) where the camera sees each point.
     unit : the rig's unit of length.
     cells : (N, 2) as in `Correspondences`, or None.
-    card : counts of what was kept and dropped, and the epipolar RMS in pixels.
+    card : counts of what was kept and dropped, and the epipolar RMS in pixels, None of one projector coordinate.
     normals : (N, 3) unit normals that point to the camera, NaN where too few neighbours tell; None: not asked for.
     """
 
@@ -54,7 +54,7 @@ class Cloud(ByValue, ShortRepr, HasReport):
             rows["depth"] = (
                 f"{figures(near, 4)} to {figures(far, 4)} {self.unit}, median {figures(middle, 4)} {self.unit}"
             )
-        if "epipolar_rms_px" in self.card:
+        if self.card.get("epipolar_rms_px") is not None:
             rows["rays miss by"] = f"{figures(self.card['epipolar_rms_px'])} px (RMS)"
         with_ = [name for name in ("cells", "normals") if getattr(self, name) is not None]
         if with_:

@@ -16,6 +16,7 @@ from retrue.geometry.robust import MAD_TO_SIGMA
 from retrue.geometry.triangulation import sampson_distances, triangulate
 from retrue.rasters import check_rasters
 from retrue.reconstruction.cloud import Cloud
+from retrue.reconstruction.one_coordinate import completed_projector_px
 from retrue.reconstruction.options import ReconstructOptions
 from retrue.reconstruction.pieces import find_strays
 from retrue.reconstruction.surface_grid import surface_grid
@@ -31,6 +32,8 @@ def reconstruct(rig: Rig, points: Correspondences, options: ReconstructOptions |
     pass each other by far more than the others' do, or meet behind a device or nowhere, are left out and
     counted in `Cloud.card`; so are strays, on no surface that the capture's grid shows (`find_strays`). An error
     ALONG the epipolar line moves a point in depth: it cannot be seen but by the neighbours in such a grid.
+    Where one projector coordinate is known, the camera's ray meets the plane of that column or row, and what lies
+    beyond the projector's picture is left out; no residual checks such points.
 
     Raises
     ------
@@ -51,7 +54,9 @@ def reconstruct(rig: Rig, points: Correspondences, options: ReconstructOptions |
     require_kind(options, ReconstructOptions, "options")
     if not np.linalg.norm(rig.projector_from_camera.t) > 0:
         raise DegenerateError("rig: expected a baseline, found t = 0: camera and projector coincide, so no depth")
-    camera_rays, projector_rays, sigmas = _rays(rig, points)
+    checked = len(points.axes) == 2
+    projector_px = points.projector_px if checked else completed_projector_px(rig, points)
+    camera_rays, projector_rays, sigmas = _rays(rig, points.camera_px, projector_px)
     residual_px = sampson_distances(rig.projector_from_camera, camera_rays, projector_rays, **sigmas)
     outlier = _outliers(residual_px, options.outlier_sigmas)
     X = triangulate(rig.projector_from_camera, camera_rays, projector_rays, **sigmas)
@@ -66,7 +71,7 @@ def reconstruct(rig: Rig, points: Correspondences, options: ReconstructOptions |
         "points": int(kept.sum()),
         "dropped_epipolar_outliers": int(outlier.sum()),
         "dropped_behind_or_at_infinity": int((~in_front & ~outlier).sum()),
-        "epipolar_rms_px": float(np.sqrt(np.mean(residual_px[kept] ** 2))),
+        "epipolar_rms_px": float(np.sqrt(np.mean(residual_px[kept] ** 2))) if checked else None,
     }
     cells = None if points.cells is None else points.cells[kept]
     cloud = Cloud(X[kept], _colors(points)[kept], points.camera_px[kept], rig.unit, cells, card)
@@ -89,17 +94,20 @@ def _without_strays(cloud: Cloud, cells: IntArray) -> Cloud:
 
 
 def epipolar_residuals(rig: Rig, points: Correspondences) -> FloatArray:
-    """Signed distance (N,) in pixels by which each point's two rays miss each other, Sampson's approximation."""
+    """Signed distance (N,) in pixels by which each point's two rays miss each other, Sampson's approximation.
+
+    NaN where one projector coordinate only is known.
+    """
     require_rig(rig)
     require_points(points)
-    camera_rays, projector_rays, sigmas = _rays(rig, points)
+    camera_rays, projector_rays, sigmas = _rays(rig, points.camera_px, points.projector_px)
     return sampson_distances(rig.projector_from_camera, camera_rays, projector_rays, **sigmas)
 
 
-def _rays(rig: Rig, points: Correspondences) -> tuple[FloatArray, FloatArray, dict[str, float]]:
+def _rays(rig: Rig, camera_px: FloatArray, projector_px: FloatArray) -> tuple[FloatArray, FloatArray, dict[str, float]]:
     """Undistorted rays of both devices, and the sigma of one pixel on them."""
     sigmas = {"camera_sigma": _ray_sigma(rig.camera), "projector_sigma": _ray_sigma(rig.projector)}
-    return rig.camera.unproject(points.camera_px), rig.projector.unproject(points.projector_px), sigmas
+    return rig.camera.unproject(camera_px), rig.projector.unproject(projector_px), sigmas
 
 
 def _ray_sigma(camera: Camera) -> float:

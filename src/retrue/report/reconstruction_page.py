@@ -32,8 +32,10 @@ def reconstruction_page(rig: Rig, capture: Capture, cloud: Cloud, *, faces: int 
     facts = [
         Fact("Points", figures(len(cloud)), f"of {len(capture.points):,} correspondences"),
         Fact("Distance (median)", unit.text(middle), f"{unit.number(near)} to {unit.text(far)}"),
-        Fact("Rays miss by (median)", pixels(median_residual(rig, [capture]))),
     ]
+    both = len(capture.points.axes) == 2  # nothing checks the rays of one coordinate
+    if both:
+        facts.append(Fact("Rays miss by (median)", pixels(median_residual(rig, [capture]))))
     if faces is not None:
         facts.insert(1, Fact("Faces", figures(faces)))
     return Page(
@@ -45,7 +47,7 @@ def reconstruction_page(rig: Rig, capture: Capture, cloud: Cloud, *, faces: int 
         tuple(facts),
         (
             Section("In space", "", (rig_scene(rig, cloud, unit),)),
-            residual_section({"With this rig": rig}, [capture]),
+            *((residual_section({"With this rig": rig}, [capture]),) if both else ()),
             Section(
                 "What was kept",
                 "One part in 200 at either end is left out of these sizes.",

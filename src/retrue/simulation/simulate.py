@@ -11,7 +11,8 @@ from retrue.errors import InputError, require_kind
 from retrue.geometry.arrays import FloatArray, Image
 from retrue.patterns.color_grid import ColorGrid
 from retrue.patterns.gray_code import GrayCode
-from retrue.patterns.pattern import Pattern
+from retrue.patterns.pattern import PATTERNS, Pattern
+from retrue.patterns.sequence import FrameSequence
 from retrue.rig import Rig, require_rig
 from retrue.shown import ShortRepr, Shown, counted
 from retrue.simulation.built_in_scenes import SCENES, built_in_scene, meeting_distance
@@ -62,7 +63,7 @@ def simulate(
     Parameters
     ----------
     scene : a name of `SCENES`, or a mesh in the camera's frame.
-    pattern : a colour grid gives `capture`, `white` and `black`; a Gray code its whole sequence, in grey.
+    pattern : a colour grid gives `capture`, `white` and `black`; a Gray code or another sequence its pictures, grey.
     progress : called with the number of renders done and in all.
 
     Raises
@@ -72,7 +73,7 @@ def simulate(
         rendered dots that miss their place by more than 0.05 px.
     """
     require_rig(rig)
-    require_kind(pattern, (ColorGrid, GrayCode), "pattern", "retrue.read_pattern reads one")
+    require_kind(pattern, PATTERNS, "pattern", "retrue.read_pattern reads one")
     options = options or SimulateOptions()
     require_kind(options, SimulateOptions, "options")
     if pattern.projector_size != rig.projector.size:
@@ -82,9 +83,9 @@ def simulate(
             )
         )
     distance = options.distance or meeting_distance(rig)
-    monochrome = isinstance(pattern, GrayCode)
+    monochrome = not isinstance(pattern, ColorGrid)
     stage = Stage(rig, shapes(_items(scene, rig, distance), monochrome), distance, options.samples, options.bounces)
-    rasters = _gray_rasters(pattern) if isinstance(pattern, GrayCode) else _grid_rasters(pattern)
+    rasters = _grid_rasters(pattern) if isinstance(pattern, ColorGrid) else _grey_rasters(pattern)
     steps = len(rasters) + 3
     done = 0
 
@@ -106,8 +107,8 @@ def simulate(
         lights.append(stage.projected(blurred_raster(raster, options.projector_blur_px), light_seed))
         step()
     camera_model = _camera_model(options, monochrome)
-    if isinstance(pattern, GrayCode):
-        pictures = _gray_pictures(pattern, lights, room, camera_model, noise_seeds)
+    if not isinstance(pattern, ColorGrid):
+        pictures = _grey_pictures(pattern, lights, room, camera_model, noise_seeds)
     else:
         light = {"capture": lights[0] + room, "white": lights[1] + room, "black": room}
         pictures = {
@@ -136,22 +137,29 @@ def _grid_rasters(pattern: ColorGrid) -> list[FloatArray]:
     return [shown, np.ones_like(shown)]
 
 
-def _gray_rasters(pattern: GrayCode) -> list[FloatArray]:
-    """Three grey pictures in the channels of one: patterns, then white; light adds up, so inverses are what is left."""
+def _grey_rasters(pattern: GrayCode | FrameSequence) -> list[FloatArray]:
+    """Three grey pictures in the channels of one; of a Gray code patterns, then white: inverses are what is left."""
     pictures = pattern.render()
-    shown = [*pictures[:-2:2], pictures[-2]]
+    shown = [*pictures[:-2:2], pictures[-2]] if isinstance(pattern, GrayCode) else pictures
     shown += [np.zeros_like(shown[0])] * (-len(shown) % 3)
     return [np.stack(shown[k : k + 3], axis=-1) / 255.0 for k in range(0, len(shown), 3)]
 
 
-def _gray_pictures(
-    pattern: GrayCode, lights: list[FloatArray], room: FloatArray, camera_model: CameraModel, seeds: list[int]
+def _grey_pictures(
+    pattern: GrayCode | FrameSequence,
+    lights: list[FloatArray],
+    room: FloatArray,
+    camera_model: CameraModel,
+    seeds: list[int],
 ) -> dict[str, Image]:
-    """The sequence in the order of `GrayCode.render`; the camera takes three grey pictures at a time."""
+    """The sequence in the order of `render`; the camera takes three grey pictures at a time."""
     grey = [light[..., channel] for light in lights for channel in range(3)]
-    bits = sum(pattern.bits)
-    white, black = grey[bits], np.zeros_like(grey[0])
-    sequence = [light for shown in grey[:bits] for light in (shown, white - shown)] + [white, black]
+    black = np.zeros_like(grey[0])
+    sequence = grey[: pattern.picture_count]
+    if isinstance(pattern, GrayCode):
+        bits = sum(pattern.bits)
+        white = grey[bits]
+        sequence = [light for shown in grey[:bits] for light in (shown, white - shown)] + [white, black]
     sequence = [light + room[..., 0] for light in sequence]
     pictures: list[Image] = []
     for first, seed in zip(range(0, len(sequence), 3), seeds, strict=False):

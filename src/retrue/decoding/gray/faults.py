@@ -9,6 +9,7 @@ from __future__ import annotations
 import re
 from collections.abc import Sequence
 from itertools import pairwise
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,6 +18,9 @@ from retrue.decoding.gray.bits import CodeImage
 from retrue.errors import CaptureError
 from retrue.geometry.arrays import FloatArray, Image
 from retrue.patterns.gray_code import GrayCode
+
+if TYPE_CHECKING:
+    from retrue.decoding.gray.sequence import Stripes
 
 CAPTURE = "capture"
 """Stands for the capture in messages until the reader of the folder puts its path there."""
@@ -129,15 +133,16 @@ def _order_violations(code: CodeImage, neighbour: CodeImage, bits: int) -> Float
     return shares
 
 
-def require_inside(agreed: int, outside: Sequence[int], largest: Sequence[int], pattern: GrayCode) -> None:
+def require_inside(agreed: int, outside: Sequence[int], largest: Sequence[int], stripes: Sequence[Stripes]) -> None:
     """Raise where many codes lie beyond the projector; `outside` and `largest` code by axis."""
-    for axis, side, name in zip(range(2), pattern.projector_size, ("column", "row"), strict=True):
-        if outside[axis] > MOST_OUTSIDE * agreed:
-            reached = (largest[axis] - pattern.offset[axis] + 1) * pattern.step
+    for beyond, code, axis in zip(outside, largest, stripes, strict=True):
+        if beyond > MOST_OUTSIDE * agreed:
+            name = ("column", "row")[axis.axis]
+            reached = axis.offset_px + (code + 1) * axis.width_px
             raise CaptureError(
                 CAPTURE,
-                f"codes exceed the projector: {100 * outside[axis] / agreed:.0f} % of the pixels see {name}s up "
-                f"to {reached - 1}, the pattern's projector_size has {side}; is it the size that was projected?",
+                f"codes exceed the projector: {100 * beyond / agreed:.0f} % of the pixels see {name}s up "
+                f"to {reached - 1:g}, the pattern's projector_size has {axis.side}; is it the size that was projected?",
             )
 
 

@@ -1,120 +1,111 @@
-"""Which picture of a Gray-code capture shows what."""
+"""The Gray-code pictures of a sequence: patterns and inverses by axis and bit."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
-from functools import reduce
-from typing import cast
+from dataclasses import dataclass, replace
 
-import cv2
 import numpy as np
 
-from retrue.decoding.gray.faults import (
-    CAPTURE,
-    ends_with_white_and_black,
-    explain_count,
-    require_complements,
-    require_light,
-)
-from retrue.errors import CaptureError, InputError
+from retrue.decoding.sequence.arrange import ArrangedSequence
 from retrue.geometry.arrays import Image
-from retrue.patterns.gray_code import GrayCode
+
+FEWEST_BITS = 3
+"""Of an axis, to be read without its finest ones."""
+
+
+@dataclass(frozen=True, slots=True)
+class Stripes:
+    """Where the stripes of one axis of a code lie in the projector.
+
+    Attributes
+    ----------
+    axis : 0 of columns, 1 of rows.
+    width_px, offset_px : of a stripe, and the first pixel of stripe 0.
+    side : of the projector, along the axis.
+    """
+
+    axis: int
+    width_px: int
+    offset_px: float
+    side: int
+
+    @property
+    def first(self) -> int:
+        """The stripe that holds the projector's first pixel."""
+        return int(-self.offset_px // self.width_px)
+
+    @property
+    def last(self) -> int:
+        """The stripe that holds its last pixel."""
+        return int((self.side - 1 - self.offset_px) // self.width_px)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class GraySequence:
-    """The pictures by what they show, all grey, of one size and type.
+    """The pictures of one or both axes of a Gray code, all grey, of one size and type.
 
     Attributes
     ----------
-    patterns, inverses : of the columns' bits, and of the rows' bits, most significant first.
+    stripes : of each axis.
+    patterns, inverses : of each axis, most significant bit first; one not taken is white + black less the other.
     names : of the pictures in `patterns` and `inverses`: (pattern, inverse) by axis and bit.
-    white, black : made from the coarsest pairs where the capture has none.
-    color : the white picture as it came, for the colours of the points.
+    paired : whether every pattern has an inverse that was taken.
+    white, black : of the scene.
     """
 
-    patterns: tuple[list[Image], list[Image]]
-    inverses: tuple[list[Image], list[Image]]
-    names: tuple[list[tuple[str, str]], list[tuple[str, str]]]
+    stripes: tuple[Stripes, ...]
+    patterns: tuple[list[Image], ...]
+    inverses: tuple[list[Image], ...]
+    names: tuple[list[tuple[str, str]], ...]
+    paired: bool
     white: Image
     black: Image
-    color: Image
 
-    def part(self, rows: slice, columns: slice) -> GraySequence:
-        """The same rows and columns of every picture."""
+    def coarser(self) -> GraySequence | None:
+        """Without the finest bit of each axis, as stripes of twice the width; None where few bits are left."""
+        if min(len(patterns) for patterns in self.patterns) <= FEWEST_BITS:
+            return None
+        return replace(
+            self,
+            stripes=tuple(replace(axis, width_px=2 * axis.width_px) for axis in self.stripes),
+            patterns=tuple(patterns[:-1] for patterns in self.patterns),
+            inverses=tuple(inverses[:-1] for inverses in self.inverses),
+            names=tuple(names[:-1] for names in self.names),
+        )
 
-        def cut(images: Sequence[Image]) -> list[Image]:
-            return [image[rows, columns] for image in images]
 
-        (p, q), (r, s) = self.patterns, self.inverses
-        white, black, color = cut([self.white, self.black, self.color])
-        return GraySequence((cut(p), cut(q)), (cut(r), cut(s)), self.names, white, black, color)
-
-
-def arrange(pattern: GrayCode, images: Sequence[Image], names: Sequence[str]) -> GraySequence:
-    """Sort the pictures by what they show: pairs in the pattern's order; white and black last, first or absent.
-
-    Raises `CaptureError` where their number, size or content does not fit, and names the picture.
-    """
-    if len(names) != len(images):
-        raise InputError(f"names: expected one for each of {len(images)} pictures, found {len(names)}")
-    _require_alike(images, names)
-    grey = [_grey(image) for image in images]
-    pair_count = sum(pattern.bits)
-    if len(grey) not in (2 * pair_count, pattern.picture_count):
-        raise CaptureError(CAPTURE, explain_count(pattern, grey, names))
-    require_light(grey)
-    if len(grey) == 2 * pair_count and ends_with_white_and_black(grey):
-        raise CaptureError(CAPTURE, explain_count(pattern, grey, names))
-    first = _first_pair(grey, names) if len(grey) == pattern.picture_count else 0
-    pairs = range(first, first + 2 * pair_count, 2)
-    require_complements(grey, names, pairs)
-
-    patterns, inverses = [grey[index] for index in pairs], [grey[index + 1] for index in pairs]
-    pair_names = [(names[index], names[index + 1]) for index in pairs]
-    columns = pattern.bits[0]
-    if len(grey) == pattern.picture_count:
-        lit = 0 if first else len(grey) - 2
-        white, black, color = grey[lit], grey[lit + 1], images[lit]
-    else:
-        coarse = [image for start in (0, 2 * columns) for image in grey[start : start + 4]]
-        white, black = reduce(np.maximum, coarse), reduce(np.minimum, coarse)
-        color = white
+def gray_sequence(sequence: ArrangedSequence, axes: Sequence[int]) -> GraySequence:
+    """The Gray code of those axes."""
+    stripes: list[Stripes] = []
+    patterns: list[list[Image]] = []
+    inverses: list[list[Image]] = []
+    names: list[list[tuple[str, str]]] = []
+    paired = True
+    for axis in axes:
+        code = sequence.spec.gray(axis)
+        assert code is not None
+        stripes.append(Stripes(axis, code.step_px << code.lowest, code.offset_px, sequence.spec.projector_size[axis]))
+        pairs: list[tuple[Image, Image]] = []
+        said: list[tuple[str, str]] = []
+        for _, pattern, inverse in code.bits:
+            paired &= pattern is not None and inverse is not None
+            pairs.append((_taken(sequence, pattern, inverse), _taken(sequence, inverse, pattern)))
+            shown = [None if index is None else sequence.names[index] for index in (pattern, inverse)]
+            said.append((shown[0] or f"{shown[1]} (inverted)", shown[1] or f"{shown[0]} (inverted)"))
+        patterns.append([pattern for pattern, _ in pairs])
+        inverses.append([inverse for _, inverse in pairs])
+        names.append(said)
     return GraySequence(
-        (patterns[:columns], patterns[columns:]),
-        (inverses[:columns], inverses[columns:]),
-        (pair_names[:columns], pair_names[columns:]),
-        white,
-        black,
-        color,
+        tuple(stripes), tuple(patterns), tuple(inverses), tuple(names), paired, sequence.white, sequence.black
     )
 
 
-def _first_pair(grey: Sequence[Image], names: Sequence[str]) -> int:
-    """Where the pairs start: 2 when white and black come first, else 0."""
-    steps = [float(a[::4, ::4].mean()) - float(b[::4, ::4].mean()) for a, b in (grey[:2], grey[-2:])]
-    comes_first = abs(steps[0]) > 1.1 * abs(steps[1])
-    if not steps[0 if comes_first else 1] > 0:
-        white, black = (names[0], names[1]) if comes_first else (names[-2], names[-1])
-        raise CaptureError(
-            CAPTURE, f"white and black are swapped: {white} is darker than {black}; expected white, then black"
-        )
-    return 2 if comes_first else 0
-
-
-def _require_alike(images: Sequence[Image], names: Sequence[str]) -> None:
-    for image, name in zip(images, names, strict=True):
-        if image.ndim not in (2, 3) or (image.ndim == 3 and image.shape[2] != 3) or image.size == 0:
-            raise CaptureError(CAPTURE, f"{name}: expected height x width (x 3), found shape {image.shape}")
-        if image.dtype.name not in ("uint8", "uint16"):
-            raise CaptureError(CAPTURE, f"{name}: expected 8 or 16 bits, found {image.dtype}")
-        if image.shape[:2] != images[0].shape[:2]:
-            sizes = [f"{picture.shape[1]} x {picture.shape[0]}" for picture in (image, images[0])]
-            raise CaptureError(CAPTURE, f"sizes differ: {name} is {sizes[0]}, {names[0]} is {sizes[1]} pixels")
-        if image.dtype != images[0].dtype:
-            raise CaptureError(CAPTURE, f"depths differ: {name} is {image.dtype}, {names[0]} is {images[0].dtype}")
-
-
-def _grey(image: Image) -> Image:
-    return image if image.ndim == 2 else cast(Image, cv2.cvtColor(image, cv2.COLOR_RGB2GRAY))
+def _taken(sequence: ArrangedSequence, index: int | None, other: int | None) -> Image:
+    """A picture, or what its inverse leaves of white and black."""
+    if index is not None:
+        return sequence.pictures[index]
+    assert other is not None
+    seen = sequence.pictures[other]
+    inverted = sequence.white.astype(np.int32) + sequence.black - seen
+    return np.clip(inverted, 0, np.iinfo(seen.dtype).max).astype(seen.dtype)

@@ -1,0 +1,179 @@
+"""Which picture of a sequence shows what: pictures beside the frames that they are of."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from functools import reduce
+from typing import cast
+
+import cv2
+import numpy as np
+
+from retrue.decoding.gray.faults import (
+    CAPTURE,
+    ends_with_white_and_black,
+    explain_count,
+    require_complements,
+    require_light,
+)
+from retrue.errors import CaptureError, InputError
+from retrue.geometry.arrays import Image
+from retrue.patterns.gray_code import GrayCode
+from retrue.patterns.layouts import as_captured, sequence_of
+from retrue.patterns.sequence import FrameSequence
+
+COARSE_BITS = 2
+"""Of each axis: their patterns and inverses show every pixel lit and dark."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class ArrangedSequence:
+    """The pictures by what they show, all grey, of one size and type.
+
+    Attributes
+    ----------
+    spec : the frames, one for each picture.
+    pictures, names : of the frames.
+    white, black : of the scene; made from the coarsest bits where the capture has none, or, of sines alone, the mean
+        over a turn for both.
+    color : the white picture as it came, for the colours of the points.
+    thorough : whether every pixel is read as deep as it resolves, even where most resolve the finest stripes.
+    """
+
+    spec: FrameSequence
+    pictures: list[Image]
+    names: list[str]
+    white: Image
+    black: Image
+    color: Image
+    thorough: bool = True
+
+    def part(self, rows: slice, columns: slice) -> ArrangedSequence:
+        """The same rows and columns of every picture."""
+        pictures = [image[rows, columns] for image in self.pictures]
+        white, black, color = (image[rows, columns] for image in (self.white, self.black, self.color))
+        return replace(self, pictures=pictures, white=white, black=black, color=color)
+
+
+def arrange(pattern: GrayCode | FrameSequence, images: Sequence[Image], names: Sequence[str]) -> ArrangedSequence:
+    """Sort the pictures by what they show.
+
+    Of a Gray code: pairs in the pattern's order; white and black last, first or absent. Of a sequence: as its frames
+    say; of a common layout, columns alone are taken, too.
+
+    Raises `CaptureError` where their number, size or content does not fit, and names the picture.
+    """
+    if len(names) != len(images):
+        raise InputError(f"names: expected one for each of {len(images)} pictures, found {len(names)}")
+    _require_alike(images, names)
+    if isinstance(pattern, GrayCode):
+        return _arrange_gray_code(pattern, images, names)
+    spec = as_captured(pattern, len(images))
+    if spec.files is not None:
+        order = _order(spec.files, names)
+        images, names = [images[index] for index in order], [names[index] for index in order]
+    if len(images) != spec.picture_count:
+        raise CaptureError(CAPTURE, f"expected {_asked(spec)}, found {len(images)} pictures")
+    grey = [_grey(image) for image in images]
+    require_light(grey)
+    white, black, color = _lights(spec, images, grey)
+    return ArrangedSequence(spec, grey, list(names), white, black, color)
+
+
+def _arrange_gray_code(pattern: GrayCode, images: Sequence[Image], names: Sequence[str]) -> ArrangedSequence:
+    grey = [_grey(image) for image in images]
+    pair_count = sum(pattern.bits)
+    if len(grey) not in (2 * pair_count, pattern.picture_count):
+        raise CaptureError(CAPTURE, explain_count(pattern, grey, names))
+    require_light(grey)
+    if len(grey) == 2 * pair_count and ends_with_white_and_black(grey):
+        raise CaptureError(CAPTURE, explain_count(pattern, grey, names))
+    first = _first_pair(grey, names) if len(grey) == pattern.picture_count else 0
+    require_complements(grey, names, range(first, first + 2 * pair_count, 2))
+    spec = sequence_of(pattern)
+    pairs, ends = spec.frames[:-2], spec.frames[-2:]
+    frames = pairs if len(grey) == 2 * pair_count else (*ends, *pairs) if first else spec.frames
+    spec = replace(spec, frames=frames)
+    white, black, color = _lights(spec, images, grey)
+    return ArrangedSequence(spec, grey, list(names), white, black, color, thorough=False)
+
+
+def _lights(spec: FrameSequence, images: Sequence[Image], grey: Sequence[Image]) -> tuple[Image, Image, Image]:
+    """White, black and the white picture in colour."""
+    codes = [frame.code for frame in spec.frames]
+    gray = _coarse(spec, grey)
+    mean = None if gray else _mean([image for image, code in zip(grey, codes, strict=True) if code == "phase"])
+    if "white" in codes:
+        white, color = grey[codes.index("white")], images[codes.index("white")]
+    else:
+        color = white = reduce(np.maximum, gray) if mean is None else mean
+    if "black" in codes:
+        return white, grey[codes.index("black")], color
+    return white, reduce(np.minimum, gray) if mean is None else mean, color
+
+
+def _coarse(spec: FrameSequence, grey: Sequence[Image]) -> list[Image]:
+    """Pictures of the Gray code among which every lit pixel is once bright and once dark."""
+    codes = [code for axis in spec.axes if (code := spec.gray(axis)) is not None]
+    pairs = [pair for code in codes for pair in code.bits[:COARSE_BITS] if None not in pair]
+    if not pairs:
+        pairs = [pair for code in codes for pair in code.bits]
+    return [grey[index] for _, pattern, inverse in pairs for index in (pattern, inverse) if index is not None]
+
+
+def _mean(pictures: Sequence[Image]) -> Image:
+    total = pictures[0].astype(np.float32)
+    for picture in pictures[1:]:
+        total += picture
+    return np.rint(total / np.float32(len(pictures))).astype(pictures[0].dtype)
+
+
+def _asked(spec: FrameSequence) -> str:
+    """How many pictures, and of what."""
+    counts = {code: sum(frame.code == code for frame in spec.frames) for code in ("gray", "phase", "white", "black")}
+    words = {"gray": "of Gray code", "phase": "of sines", "white": "white", "black": "black"}
+    what = ", ".join(f"{count} {words[code]}" for code, count in counts.items() if count)
+    layout = f" of the layout {spec.layout}" if spec.layout else ""
+    return f"{spec.picture_count} pictures{layout} ({what})"
+
+
+def _order(files: Sequence[str], names: Sequence[str]) -> list[int]:
+    """Where each file of the pattern is among the pictures."""
+    where = {name: index for index, name in enumerate(names)}
+    missing = [name for name in files if name not in where]
+    if missing:
+        more = f" and {len(missing) - 1} more" if len(missing) > 1 else ""
+        raise CaptureError(
+            CAPTURE, f"expected the {len(files)} files that the pattern names, found no {missing[0]}{more}"
+        )
+    return [where[name] for name in files]
+
+
+def _first_pair(grey: Sequence[Image], names: Sequence[str]) -> int:
+    """Where the pairs start: 2 when white and black come first, else 0."""
+    steps = [float(a[::4, ::4].mean()) - float(b[::4, ::4].mean()) for a, b in (grey[:2], grey[-2:])]
+    comes_first = abs(steps[0]) > 1.1 * abs(steps[1])
+    if not steps[0 if comes_first else 1] > 0:
+        white, black = (names[0], names[1]) if comes_first else (names[-2], names[-1])
+        raise CaptureError(
+            CAPTURE, f"white and black are swapped: {white} is darker than {black}; expected white, then black"
+        )
+    return 2 if comes_first else 0
+
+
+def _require_alike(images: Sequence[Image], names: Sequence[str]) -> None:
+    for image, name in zip(images, names, strict=True):
+        if image.ndim not in (2, 3) or (image.ndim == 3 and image.shape[2] != 3) or image.size == 0:
+            raise CaptureError(CAPTURE, f"{name}: expected height x width (x 3), found shape {image.shape}")
+        if image.dtype.name not in ("uint8", "uint16"):
+            raise CaptureError(CAPTURE, f"{name}: expected 8 or 16 bits, found {image.dtype}")
+        if image.shape[:2] != images[0].shape[:2]:
+            sizes = [f"{picture.shape[1]} x {picture.shape[0]}" for picture in (image, images[0])]
+            raise CaptureError(CAPTURE, f"sizes differ: {name} is {sizes[0]}, {names[0]} is {sizes[1]} pixels")
+        if image.dtype != images[0].dtype:
+            raise CaptureError(CAPTURE, f"depths differ: {name} is {image.dtype}, {names[0]} is {images[0].dtype}")
+
+
+def _grey(image: Image) -> Image:
+    return image if image.ndim == 2 else cast(Image, cv2.cvtColor(image, cv2.COLOR_RGB2GRAY))

@@ -1,0 +1,250 @@
+"""The axes of a sequence that are told by sines, band by band: phases, whole turns, and which pixels to believe."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass, replace
+from functools import partial, reduce
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from retrue.decoding.gray.cue import as_cue, read_cue
+from retrue.decoding.gray.plan import plan_reading
+from retrue.decoding.gray.sequence import GraySequence, gray_sequence
+from retrue.decoding.sequence.arrange import ArrangedSequence
+from retrue.decoding.sequence.noise import FloatImage, Noise, measure_noise
+from retrue.decoding.sequence.ripple import measure_ripple, straightened
+from retrue.decoding.sequence.sines import Wrapped, demodulate, harmonics
+from retrue.decoding.sequence.unwrap import CUE_HARMONICS, Bend, Unwrapped, ladder, unwrap
+from retrue.geometry.arrays import BoolArray, FloatArray
+from retrue.geometry.robust import MAD_TO_SIGMA
+from retrue.patterns.sequence import Sine
+
+LEAST_SIGNAL = 5.0
+"""Sigmas of the modulation: a pixel is lit that shows so much of the finest sine."""
+LIT_VARIANCE = float(1 / (2 * np.pi * LEAST_SIGNAL) ** 2)
+"""Turns^2: that signal's variance of the phase."""
+JUMP_STEPS, JUMP_SIGMAS = 6.0, 6.0
+"""A pixel whose neighbours differ by so many of the usual steps, and so many sigmas, sees two surfaces."""
+NOWHERE_PX = -1e6
+SAMPLE_BANDS, SAMPLE_ROWS = 24, 8
+FEWEST_TURNS = 4
+"""Of a sine over the projector: of fewer, the scene may show some phases more than others."""
+MOST_PIXELS_TO_FIT = 60_000
+REASONS = {
+    "saturated": "a picture of the finest sine is at the end of its scale",
+    "turn": "whole turns are not certain: coarse and fine pictures disagree by more than their noise",
+    "beyond": "coordinate beyond the projector",
+    "edge": "on the edge of a surface: neighbours differ by far more than elsewhere",
+}
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class AxisPlan:
+    """How to read one axis.
+
+    Attributes
+    ----------
+    axis : 0 of columns, 1 of rows.
+    sines : the shortest period first.
+    side : of the projector, along the axis.
+    cue : a Gray code that tells the turns, and its noise; None where sines do.
+    bend : what the coarsest sine misses the finer ones by.
+    ripples : of each sine, what gamma does to it, `measure_ripple`.
+    step_px : usual difference of a pixel's two neighbours.
+    """
+
+    axis: int
+    sines: list[Sine]
+    side: float
+    cue: tuple[GraySequence, float] | None
+    bend: Bend
+    ripples: tuple[complex, ...]
+    step_px: float
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class SineBand:
+    """The points of a band of rows; as `gray.reading.Band`, with the finest sine's modulation, twice, as `light`."""
+
+    pixels: NDArray[np.intp]
+    projector_px: dict[int, FloatArray]
+    sigma_px: FloatArray
+    light: FloatArray
+    seen: int
+    rejected: dict[str, int]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _AxisReading:
+    lit: BoolArray
+    saturated: BoolArray
+    found: Unwrapped
+    coarse_phase: FloatImage | None
+    wrapped: Wrapped
+
+
+def plan_sines(sequence: ArrangedSequence, axes: Sequence[int]) -> tuple[Noise, list[AxisPlan]]:
+    """What a sample of rows tells: noise, what gamma does to coarse and fine sines, and how smooth the scene is."""
+    sines = [sequence.spec.sines(axis) for axis in axes]
+    noise = measure_noise(sequence.pictures, sines)
+    return noise, [_plan_axis(sequence, axis, own, noise) for axis, own in zip(axes, sines, strict=True)]
+
+
+def read_sines(
+    sequence: ArrangedSequence,
+    noise: Noise,
+    plans: Sequence[AxisPlan],
+    bands: Sequence[range],
+    threads: ThreadPoolExecutor,
+) -> list[SineBand]:
+    """One point per camera pixel whose phases can be trusted on every axis of `plans`."""
+    return list(threads.map(partial(_read_band, sequence, noise, plans), bands))
+
+
+def _read_band(sequence: ArrangedSequence, noise: Noise, plans: Sequence[AxisPlan], rows: range) -> SineBand:
+    height = sequence.white.shape[0]
+    top, bottom = max(rows.start - 1, 0), min(rows.stop + 1, height)
+    around, inner = slice(top, bottom), slice(rows.start - top, rows.stop - top)
+    axes = [_read_axis(sequence, plan, noise, around) for plan in plans]
+    lit = reduce(np.logical_and, [axis.lit for axis in axes])
+    full = reduce(np.logical_or, [axis.saturated for axis in axes])
+    turned = reduce(np.logical_and, [_certain(axis.found, lit, p) for axis, p in zip(axes, plans, strict=True)])
+    within = reduce(
+        np.logical_and,
+        [(a.found.px >= -0.5) & (a.found.px <= p.side - 0.5) for a, p in zip(axes, plans, strict=True)],
+    )
+    good = lit & ~full & turned & within
+    flat = reduce(np.logical_and, [_flat(a.found, good, p.step_px) for a, p in zip(axes, plans, strict=True)])
+    pixels = np.flatnonzero((good & flat)[inner])
+    masks = {
+        "saturated": lit & full,
+        "turn": lit & ~full & ~turned,
+        "beyond": lit & ~full & turned & ~within,
+        "edge": good & ~flat,
+    }
+    variance = np.mean([np.take(axis.found.variance[inner], pixels) for axis in axes], axis=0)
+    return SineBand(
+        pixels,
+        {p.axis: np.take(a.found.px[inner], pixels).astype(np.float64) for a, p in zip(axes, plans, strict=True)},
+        np.sqrt(variance.astype(np.float64)),
+        2 * np.take(axes[0].wrapped.modulation[inner], pixels).astype(np.float64),
+        int(np.count_nonzero(lit[inner])),
+        {reason: int(np.count_nonzero(mask[inner])) for reason, mask in masks.items()},
+    )
+
+
+def _read_axis(sequence: ArrangedSequence, plan: AxisPlan, noise: Noise, rows: slice) -> _AxisReading:
+    wrapped = [
+        demodulate([sequence.pictures[index][rows] for index in sine.pictures], sine, noise) for sine in plan.sines
+    ]
+    wrapped = [
+        straightened(own, ripple, len(sine.pictures))
+        for own, ripple, sine in zip(wrapped, plan.ripples, plan.sines, strict=True)
+    ]
+    finest = wrapped[0]
+    lit = finest.variance < LIT_VARIANCE
+    cue, trusted = (None, None) if plan.cue is None else read_cue(*plan.cue, rows)
+    coarse, steps = ladder(wrapped, plan.side, cue)
+    found = unwrap(coarse, steps, plan.bend, plan.side)
+    if trusted is not None:
+        found.trusted[~trusted] = False
+    return _AxisReading(lit, finest.saturated, found, coarse.phase, finest)
+
+
+def _certain(found: Unwrapped, lit: BoolArray, plan: AxisPlan) -> BoolArray:
+    """Where turns are trusted, and, where that hangs on sigma, so seen by most of the pixels around."""
+    good = found.trusted & lit
+    risky = good & found.risky
+    if not risky.any():
+        return good
+    around = cv2.medianBlur(np.where(good, found.px, np.float32(NOWHERE_PX)), 3)
+    return good & ~(risky & (np.abs(found.px - around) > plan.sines[0].period_px / 2))
+
+
+def _flat(found: Unwrapped, good: BoolArray, step_px: float) -> BoolArray:
+    """Where no two opposite neighbours are on two surfaces."""
+    flat = np.ones_like(good)
+    px = np.where(good, found.px, np.nan)
+    limit = np.float32(JUMP_STEPS * step_px) + np.float32(JUMP_SIGMAS * np.sqrt(2)) * np.sqrt(found.variance)
+    with np.errstate(invalid="ignore"):
+        flat[:, 1:-1] &= ~(np.abs(px[:, 2:] - px[:, :-2]) > limit[:, 1:-1])
+        flat[1:-1] &= ~(np.abs(px[2:] - px[:-2]) > limit[1:-1])
+    return flat
+
+
+def _plan_axis(sequence: ArrangedSequence, axis: int, sines: list[Sine], noise: Noise) -> AxisPlan:
+    side = float(sequence.spec.projector_size[axis])
+    cue = None
+    if sequence.spec.gray(axis) is not None:
+        code = as_cue(gray_sequence(sequence, [axis]), sines[0].period_px)
+        cue = code, plan_reading(code).noise_gain
+    strips = _strips(sequence.white.shape[0])
+    plan = AxisPlan(axis, sines, side, cue, Bend(), _ripples(sequence, sines, side, noise), np.inf)
+    read = [_read_axis(sequence, plan, noise, rows) for rows in strips]
+    if cue is None:
+        plan = replace(plan, bend=_bend(read, sines))
+        read = [_read_axis(sequence, plan, noise, rows) for rows in strips]
+    steps = [_steps(own) for own in read]
+    return replace(plan, step_px=float(np.median(np.concatenate(steps))) if sum(map(len, steps)) else np.inf)
+
+
+def _ripples(sequence: ArrangedSequence, sines: Sequence[Sine], side: float, noise: Noise) -> tuple[complex, ...]:
+    """Of sines of several turns; what gamma does to a single one is no ripple over the scene, but `Bend`."""
+    height, width = sequence.white.shape
+    parts = [(rows, slice(None)) for rows in _strips(height)] + [(slice(None), columns) for columns in _strips(width)]
+    ripples: list[complex] = []
+    for sine in sines:
+        seen: list[tuple[Wrapped, BoolArray]] = []
+        for part in parts if sine.period_px * FEWEST_TURNS <= side else []:
+            own = demodulate([sequence.pictures[index][part] for index in sine.pictures], sine, noise)
+            seen.append((own, (own.variance < LIT_VARIANCE) & ~own.saturated))
+        ripples.append(measure_ripple(seen, len(sine.pictures)) if seen else 0j)
+    return tuple(ripples)
+
+
+def _strips(height: int) -> list[slice]:
+    rows = min(SAMPLE_ROWS, height)
+    tops = sorted({int(top) for top in np.linspace(0, height - rows, SAMPLE_BANDS)})
+    return [slice(top, top + rows) for top in tops]
+
+
+def _bend(read: Sequence[_AxisReading], sines: Sequence[Sine]) -> Bend:
+    """Harmonics of the coarse phase in what it misses the next sine by; what is left beyond the noise."""
+    good = [own.lit & ~own.saturated for own in read]
+    if read[0].coarse_phase is None or len(sines) < 2 or not any(mask.any() for mask in good):
+        return Bend()
+    missed, allowed, phase = (
+        np.concatenate([image[mask] for image, mask in zip(images, good, strict=True)]).astype(np.float64)
+        for images in (
+            [own.found.missed for own in read],
+            [own.found.allowed for own in read],
+            [own.coarse_phase for own in read if own.coarse_phase is not None],
+        )
+    )
+    every = max(len(missed) // MOST_PIXELS_TO_FIT, 1)
+    missed, allowed, phase = missed[::every], allowed[::every], phase[::every]
+    terms = np.concatenate([np.ones((1, len(phase))), harmonics(phase, CUE_HARMONICS)])
+    coefficients: FloatArray = np.zeros(len(terms))
+    weight = 1 / np.sqrt(allowed + np.median(allowed))
+    for _ in range(3):
+        left = missed - coefficients @ terms
+        scatter = MAD_TO_SIGMA * float(np.median(np.abs(left)))
+        inlier = (np.abs(left) <= 3 * scatter) * weight
+        coefficients = np.asarray(np.linalg.lstsq((terms * inlier).T, missed * inlier, rcond=None)[0], np.float64)
+    left = missed - coefficients @ terms
+    excess = (MAD_TO_SIGMA * float(np.median(np.abs(left)))) ** 2 - float(np.median(allowed))
+    return Bend(coefficients, max(excess, 0.0))
+
+
+def _steps(own: _AxisReading) -> NDArray[np.float32]:
+    """Differences of the two neighbours along rows and along columns, whichever are larger."""
+    px = np.where(own.lit & ~own.saturated & own.found.trusted, own.found.px, np.nan)
+    along, across = np.abs(px[:, 2:] - px[:, :-2]).ravel(), np.abs(px[2:] - px[:-2]).ravel()
+    along, across = along[np.isfinite(along)], across[np.isfinite(across)]
+    if not (len(along) and len(across)):
+        return along if len(along) else across
+    return along if np.median(along) > np.median(across) else across
