@@ -25,6 +25,7 @@ from retrue.rig import Rig
 UNEXPLAINED = 12.0  # of chi-square: what a point costs that a hypothesis does not explain, or has hidden or behind
 NEAREST_DEG = 1.0  # a move below this is none: nearer to the old pose says no more
 LIGHT_TRUST = 0.25  # of the light's own likelihood: paint and gloss are not what it models
+LIGHT_MATTERS = 300.0  # nats of points and move: what light alone does not turn
 PARAMETER = 12.0  # of chi-square, what a free parameter costs: its range is some 400 times what the points leave
 FEWEST_OF_A_PLANE = 12
 SELDOM = 1.7  # of chi-square, 2 log(.7 / .3): a point of a copy, a mirror, or what moved, is the rarer one
@@ -211,19 +212,16 @@ def _rivals(
     for twin in twins_of(best.pose, best.points):
         if not (_same(best, twin) or any(same_pose(twin, fit.pose) for _, fit in others)):
             others.append(("the twin", posterior_at(measured, replace(best.parameters, pose=twin), best.prior)))
-    lit = [0.0] * len(others)
-    if light is not None and others:
-        lit = light.evidence(best, [fit for _, fit in others], few, rng)
-    return tuple(
-        Rival(
-            name,
-            fit,
-            _point_evidence(best, fit, measured, part),
-            seen,
-            _moved(fit, old) - _moved(best, old),
-        )
-        for (name, fit), seen in zip(others, lit, strict=True)
-    )
+    found = [
+        Rival(name, fit, _point_evidence(best, fit, measured, part), 0.0, _moved(fit, old) - _moved(best, old))
+        for name, fit in others
+    ]
+    near = [index for index, rival in enumerate(found) if rival.margin < LIGHT_MATTERS]
+    if light is not None and near:
+        seen = light.evidence(best, [found[index].posterior for index in near], few, rng)
+        for index, nats in zip(near, seen, strict=True):
+            found[index] = replace(found[index], light=nats)
+    return tuple(found)
 
 
 def _same(best: Posterior, pose: TwoViewPose) -> bool:
