@@ -1,0 +1,101 @@
+"""Mirrors, copies and wrong matches take no part in the pose; what they are is told."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from retrue.correspondences import Correspondences
+from retrue.geometry.transform import vector_from_rotation
+from retrue.geometry.two_view import FREE, tangent_basis
+from retrue.recalibration.chance import beyond_chance, without_chance
+from retrue.recalibration.fit import Support, evaluate
+from retrue.recalibration.recalibrate import recalibrate
+from retrue.recalibration.result import Accepted
+from tests.recalibration.scenes import POSE, RIG, SIDE_WALL, WALL, Scene, bumped, capture, first_hits
+from tests.recalibration.test_posterior import measured_scene
+
+NEAR = bumped(RIG, [0.5, -1.0, 0.3], [0.3, 0.5, -0.4])
+SCENES = {"wall": Scene(), "corner": Scene(planes=[WALL, SIDE_WALL])}
+
+
+def mirrored(scene: Scene, share: float, seed: int) -> tuple[Correspondences, np.ndarray]:
+    """A capture, and which of its points the camera sees in a mirror that stands across its upper left corner."""
+    points = capture(scene, seed=seed)
+    rng = np.random.default_rng(seed)
+    rays = np.c_[RIG.projector.unproject(points.projector_px), np.ones(len(points))]
+    back = RIG.projector_from_camera.inverse()
+    there = first_hits(scene, back.t, rays @ back.R.T)
+    corner = points.camera_px.sum(axis=1)
+    rows = corner < np.quantile(corner, share)
+    middle = there[rows].mean(axis=0)
+    image = np.array([*RIG.camera.unproject(np.array([[400.0, 300.0]]))[0], 1.0]) * 1.3 * middle[2]
+    normal = (image - middle) / np.linalg.norm(image - middle)
+    reflected = there - 2 * ((there - (image + middle) / 2) @ normal)[:, None] * normal
+    seen = RIG.camera.project(reflected) + rng.normal(0, 0.1, (len(points), 2))
+    rows &= RIG.camera.contains(seen)
+    assert rows.mean() > 0.7 * share
+    camera_px = np.where(rows[:, None], seen, points.camera_px)
+    return replace(points, camera_px=camera_px), rows
+
+
+@pytest.mark.parametrize("scene", SCENES)
+@pytest.mark.parametrize("share", [0.15, 0.4])
+def test_what_is_seen_in_a_mirror_is_set_aside_and_counted(scene: str, share: float) -> None:
+    for seed in range(2):
+        points, rows = mirrored(SCENES[scene], share, seed)
+        result = recalibrate(NEAR, [points])
+        assert isinstance(result, Accepted), result.reason
+        pose = result.rig.projector_from_camera
+        error = np.degrees(np.linalg.norm(vector_from_rotation(pose.R @ POSE.R.T)))
+        assert result.evidence.sigma is not None
+        assert error < max(0.1, 3 * result.evidence.sigma.rotation_deg)
+        assert result.evidence.details["points_of_another_pose"] == pytest.approx(rows.sum(), rel=0.15)
+
+
+def test_wrong_matches_off_a_wall_move_no_pose_further_than_its_sigma() -> None:
+    errors: list[float] = []
+    for seed in range(12):
+        points = capture(Scene(), seed=seed, outliers=0.3)
+        result = recalibrate(NEAR, [points])
+        assert isinstance(result, Accepted), result.reason
+        pose = result.rig.projector_from_camera
+        t = pose.t / np.linalg.norm(pose.t)
+        error = np.r_[
+            vector_from_rotation(pose.R @ POSE.R.T), tangent_basis(t).T @ (t - POSE.t / np.linalg.norm(POSE.t))
+        ]
+        covariance = np.array(result.evidence.details["covariance_statistical"])
+        errors.append(float(error @ np.linalg.solve(covariance, error)))
+    assert np.mean(errors) < 9  # 5 of chi-square with five degrees of freedom
+
+
+def off_the_wall(right: int, wrong: int) -> np.ndarray:
+    """Residuals of points off a wall, of which so many are right and the others lie anywhere."""
+    measured, truth = measured_scene("wall")
+    rng = np.random.default_rng(0)
+    points = measured.support.points
+    free = rng.choice(len(points), right + wrong, replace=False)
+    rays = points.projector_rays.copy()
+    rays[free[right:]] += rng.uniform(-0.3, 0.3, (wrong, 2))
+    index = points.plane_index.copy()
+    index[free] = FREE
+    support = Support(replace(points, projector_rays=rays, plane_index=index), measured.support.blocks.copy())
+    support.blocks[1, free] = -1
+    fit = without_chance(evaluate(truth.pose, support), None)
+    return np.isfinite(fit.found.epipolar[free])
+
+
+@pytest.mark.parametrize(("right", "wrong", "believed"), [(0, 100, False), (60, 0, True), (60, 100, True)])
+def test_points_off_a_wall_count_where_more_of_them_agree_than_chance_has_it(
+    right: int, wrong: int, believed: bool
+) -> None:
+    there = off_the_wall(right, wrong)
+    assert there.all() if believed else not there.any()
+
+
+def test_a_sum_that_one_point_makes_counts_less() -> None:
+    assert beyond_chance(np.full(100, 1.0)) == 1
+    assert beyond_chance(np.array([12.0])) < 0.1
+    assert beyond_chance(np.zeros(3)) == 0
