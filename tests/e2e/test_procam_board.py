@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -74,25 +75,38 @@ def test_each_capture_alone_and_all_jointly_from_any_prior_within_20_deg(
         for prior in (rig, old):
             result = retrue.recalibrate(prior, used)
             assert isinstance(result, retrue.Accepted), result.reason
-            rotation, translation = off_by_deg(result.rig, rig)
+            rotation, translation = found_off_by_deg(result, rig)
             assert rotation < limits[0]
             assert translation < limits[1]
 
 
-def test_the_board_alone_needs_the_prior(rig: retrue.Rig, captures: list[retrue.Correspondences]) -> None:
+def found_off_by_deg(result: retrue.Accepted, rig: retrue.Rig) -> tuple[float, float]:
+    """Of the pose that was found, also where the rig still holds and its own is kept."""
+    pose = result.evidence.pose
+    assert pose is not None
+    return off_by_deg(replace(rig, projector_from_camera=pose), rig)
+
+
+def test_the_board_alone_needs_the_prior_or_the_light(rig: retrue.Rig, captures: list[retrue.Correspondences]) -> None:
     for k, capture in enumerate(captures):
         board = on_board(capture, k)
         result = retrue.recalibrate(rig, [board])
         assert isinstance(result, retrue.Accepted), result.reason
-        rotation, translation = off_by_deg(result.rig, rig)
+        rotation, translation = found_off_by_deg(result, rig)
         assert rotation < 0.55
         assert translation < 1.5
         answer, *others = (candidate.projector_from_camera.t for candidate in result.evidence.candidates)
         twin = max(others, key=lambda t: direction_angle(t, answer))
         between = retrue.RigidTransform(rig.projector_from_camera.R, answer + twin)
-        refused = retrue.recalibrate(retrue.Rig(rig.camera, rig.projector, between, rig.unit), [board])
+        lost = retrue.Rig(rig.camera, rig.projector, between, rig.unit)
+        refused = retrue.recalibrate(lost, [replace(board, light=None)])
         assert isinstance(refused, retrue.Refused)
         assert len(refused.evidence.candidates) >= 2
+        lit = retrue.recalibrate(lost, [board])
+        if isinstance(lit, retrue.Accepted):
+            rotation, translation = found_off_by_deg(lit, rig)
+            assert rotation < 0.55
+            assert translation < 1.5
 
 
 def test_verify_says_good_and_finds_half_a_degree_about_any_axis(
