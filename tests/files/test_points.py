@@ -1,3 +1,5 @@
+from pathlib import Path
+
 import numpy as np
 import pytest
 
@@ -168,3 +170,21 @@ def test_a_folder_that_cannot_be_written_leaves_nothing(tmp_path):
     with pytest.raises(FileError, match="cannot be written"):
         write_points(tmp_path / "file" / "points.csv", some_points())
     assert sorted(entry.name for entry in tmp_path.iterdir()) == ["file"]
+
+
+def test_semicolons_and_decimal_commas_are_read(tmp_path: Path) -> None:
+    rows = '# camera_size=1280x960\n"camera_x";"camera_y";"projector_x";"projector_y"\n1,5;2;3,25;4\n-0,5;2,5;3;1e1\n'
+    for name, text in (("semicolons.csv", rows), ("tabs.csv", rows.replace(";", "\t"))):
+        (tmp_path / name).write_text(text)
+        points = read_points(tmp_path / name)
+        assert points.camera_px.tolist() == [[1.5, 2.0], [-0.5, 2.5]]
+        assert points.projector_px.tolist() == [[3.25, 4.0], [3.0, 10.0]]
+        assert points.camera_size == (1280, 960)
+    (tmp_path / "bad.csv").write_text(rows.replace("1,5;", "1,,5;"))
+    with pytest.raises(FileError, match=r"line 3: camera_x: expected a finite number, found '1\.\.5'"):
+        read_points(tmp_path / "bad.csv")
+    (tmp_path / "commas.csv").write_text("camera_x,camera_y,projector_x,projector_y\n1,5,2,0,3,25,4,0\n")
+    with pytest.raises(
+        FileError, match="line 2: expected 4 columns as in the header, found 8; where numbers have decimal"
+    ):
+        read_points(tmp_path / "commas.csv")

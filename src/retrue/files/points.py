@@ -88,6 +88,8 @@ def write_points(path: str | Path, points: Correspondences) -> None:
 def read_points(path: str | Path) -> Correspondences:
     """Matched pixels from CSV; the order of columns is free, unknown ones are passed over.
 
+    Columns may be separated by semicolons or tabs too, and numbers then have decimal commas.
+
     Raises
     ------
     FileError : not such a file, or a row that is short, not a number, NaN, infinite or out of range: names the line.
@@ -129,7 +131,25 @@ def _sizes_header_and_body(path: Path) -> tuple[dict[str, tuple[int, int]], list
     header, _, body = text[start:].partition("\n")
     if "#" in body:
         body = COMMENT.sub("", body)
-    return sizes, [name.strip() for name in header.split(",")], "\n" * lines + body
+    for separator in (";", "\t"):  # as where a comma is the decimal point
+        if separator in header:
+            header, body = (text.replace(",", ".").replace(separator, ",") for text in (header, body))
+    names = [name.strip().strip('"') for name in header.split(",")]
+    _require_no_decimal_commas(path, lines + 2, names, body)
+    return sizes, names, "\n" * lines + body
+
+
+def _require_no_decimal_commas(path: Path, number: int, names: list[str], body: str) -> None:
+    """The first row has no more columns than there are names."""
+    for line, row in enumerate(body.split("\n", 20)[:20], start=number):
+        if row.strip():
+            if len(row.rstrip(", \r").split(",")) > len(names):
+                raise FileError(
+                    path,
+                    f"line {line}: expected {len(names)} columns as in the header, found {row.count(',') + 1}; where "
+                    "numbers have decimal commas, separate columns by semicolons",
+                )
+            return
 
 
 def _sizes(path: Path, number: int, line: str) -> dict[str, tuple[int, int]]:
