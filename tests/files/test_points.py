@@ -97,7 +97,7 @@ def test_a_value_out_of_range_is_named(tmp_path):
     [
         (b"", "found no column camera_x"),
         (b"1,2,3,4\n", "found no column camera_x"),
-        (b"camera_x,camera_y,projector_x\n1,2,3\n", "found no column projector_y"),
+        (b"camera_x,projector_x,projector_y\n1,2,3\n", "found no column camera_y"),
         (b"\x89PNG\r\n\x1a\n\xff\xfe", "expected text"),
     ],
 )
@@ -188,3 +188,20 @@ def test_semicolons_and_decimal_commas_are_read(tmp_path: Path) -> None:
         FileError, match="line 2: expected 4 columns as in the header, found 8; where numbers have decimal"
     ):
         read_points(tmp_path / "commas.csv")
+
+
+@pytest.mark.parametrize(("axis", "absent"), [(0, "projector_y"), (1, "projector_x")])
+def test_one_coordinate_is_one_column(axis: int, absent: str, tmp_path: Path) -> None:
+    projector_px = np.full((3, 2), np.nan)
+    projector_px[:, axis] = [0.5, 7.25, 3.0]
+    write_points(
+        tmp_path / "points.csv", Correspondences(np.arange(6.0).reshape(3, 2), projector_px, cells=[[1, 2]] * 3)
+    )
+    assert absent not in (tmp_path / "points.csv").read_text()
+    points = read_points(tmp_path / "points.csv")
+    assert points.axes == (axis,)
+    np.testing.assert_array_equal(points.projector_px, projector_px)
+    assert points.cells is not None
+    (tmp_path / "neither.csv").write_text("camera_x,camera_y\n1,2\n")
+    with pytest.raises(FileError, match="found no column projector_x"):
+        read_points(tmp_path / "neither.csv")
