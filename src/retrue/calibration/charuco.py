@@ -96,21 +96,6 @@ def _of_board(ids: list[int], board: Board) -> str:
     return f" of the board's 0 to {held - 1}"
 
 
-def _of_board(ids: list[int], board: Board) -> str:
-    """What a board of that size has."""
-    held = board.columns * board.rows // 2
-    if ids[-1] >= held:
-        return f"; a board of {board.columns}x{board.rows} squares has only 0 to {held - 1}: is it a larger one?"
-    return f" of the board's 0 to {held - 1}"
-
-
-def _candidates(own: str) -> Iterator[str]:
-    """The smallest dictionary of a family holds the first ids of the larger ones, as the family was made."""
-    for name in DICTIONARIES:
-        if name != own and isinstance(getattr(aruco, name, None), int) and not name.endswith(("_50", "_100", "_250")):
-            yield name
-
-
 def _smallest(name: str, ids: list[int]) -> str:
     """The smallest dictionary of the family that has those markers."""
     size = next((size for size in SIZES if ids[-1] < size), None)

@@ -67,6 +67,7 @@ class View:
     scene_camera_px, scene_projector_px : (L, 2) dense points around the board.
     dense_camera_px, dense_projector_px : (K, 2) dense points on the board, to judge by.
     complete : whether the whole board was found.
+    two_pictures : whether the second device's corners were found in a picture of its own, and not from dense points.
     """
 
     name: str
@@ -81,6 +82,7 @@ class View:
     dense_camera_px: FloatArray = field(default_factory=lambda: NO_PIXELS)
     dense_projector_px: FloatArray = field(default_factory=lambda: NO_PIXELS)
     complete: bool = True
+    two_pictures: bool = False
 
     def seen(self, device: int) -> IntArray:
         """Indices of the corners that a device knows."""
@@ -123,12 +125,13 @@ def scene_group(views: list[View]) -> SceneObservations:
 def observation_groups(views: list[View], dense: bool = True) -> tuple[Group, ...]:
     """What to fit: camera corners, and of the second device the dense points, else its corners.
 
-    Never both: a projector corner is itself computed from the dense points around it.
+    Both only of a second camera: a projector corner is itself computed from the dense points around it.
     """
     first = corner_group(views, 0)
     if len(views[0].pixels) == 1:
         return (first,)
     if not (dense and all(len(view.patch_sigma) for view in views)):
         return first, corner_group(views, 1)
-    scene = scene_group(views)
-    return (first, plane_group(views), scene) if len(scene.view) else (first, plane_group(views))
+    corners = (corner_group(views, 1),) if all(view.two_pictures for view in views) else ()
+    scene = (group,) if len((group := scene_group(views)).view) else ()
+    return (first, *corners, plane_group(views), *scene)

@@ -30,15 +30,21 @@ class PredictedError:
     ----------
     length : RMS over the picture, in the rig's unit; of the whole vector.
     distance : for points at this depth, the middle of the captured boards.
+    baseline : between the devices.
     """
 
     length: float
     distance: float
+    baseline: float
 
     @property
     def relative(self) -> float:
-        """Of the distance; NaN where nothing is seen by both devices."""
-        return self.length / self.distance
+        """Of the distance, as seen from devices half of it apart; NaN where nothing is seen by both devices.
+
+        What a pixel is worth in depth grows with distance over baseline: devices that stand closer, as pairs of cameras
+        do, are not worse calibrated for it.
+        """
+        return self.length / self.distance / max(1.0, 0.5 * self.distance / self.baseline)
 
 
 def parameter_sigmas(fit: Adjusted) -> dict[str, dict[str, float]]:
@@ -99,6 +105,7 @@ def predicted_error(fit: Adjusted) -> PredictedError:
     setup = fit.setup
     camera, projector = setup.devices
     distance = float(np.median([pose.t[2] for pose in setup.first_from_board]))
+    baseline = float(np.linalg.norm(setup.second_from_first.t))
     x, y = np.meshgrid(*(np.linspace(0.05, 0.95, 7) * (side - 1) for side in camera.size))
     camera_px = np.stack([x.ravel(), y.ravel()], axis=-1)
     rays = camera.unproject(camera_px)
@@ -106,7 +113,7 @@ def predicted_error(fit: Adjusted) -> PredictedError:
     projector_px = projector.project(setup.second_from_first.apply(points))
     both = projector.contains(projector_px) & np.isfinite(rays).all(axis=1)
     if not both.any():
-        return PredictedError(float("nan"), distance)
+        return PredictedError(float("nan"), distance, baseline)
     camera_px, projector_px = camera_px[both], projector_px[both]
     squares = np.zeros(len(camera_px))
     values, vectors = np.linalg.eigh(fit.covariance[np.ix_(fit.active, fit.active)])
@@ -115,10 +122,10 @@ def predicted_error(fit: Adjusted) -> PredictedError:
         change[fit.active] = 1e-3 * np.sqrt(max(value, 0.0)) * vector  # small, so that the step is linear
         shifted = setup.moved(change)
         if shifted is None:
-            return PredictedError(float("nan"), distance)
+            return PredictedError(float("nan"), distance, baseline)
         there = triangulated(shifted, shifted.devices[0].unproject(camera_px), projector_px)
         squares += np.sum((there - points[both]) ** 2, axis=1) / 1e-6
-    return PredictedError(float(np.sqrt(np.mean(squares))), distance)
+    return PredictedError(float(np.sqrt(np.mean(squares))), distance, baseline)
 
 
 def normal_spread_deg(fit: Adjusted) -> float:

@@ -36,7 +36,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         command = parse(arguments)
         terminal.start(quiet=command.quiet, verbose=command.verbose)
         with warnings.catch_warnings():
-            warnings.simplefilter("always", RetrueWarning)
+            warnings.simplefilter("default", RetrueWarning)  # each once
             warnings.showwarning = _note_warning
             outcome = command.run()
         if outcome.page is not None:
