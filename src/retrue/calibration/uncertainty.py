@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from retrue.calibration.bundle import Adjusted
-from retrue.calibration.jacobians import triangulated
+from retrue.calibration.jacobians import on_plane_of, triangulated
 from retrue.calibration.setup import INTRINSICS
 from retrue.geometry.arrays import FloatArray
 from retrue.geometry.two_view import tangent_basis
@@ -115,6 +115,7 @@ def predicted_error(fit: Adjusted) -> PredictedError:
     if not both.any():
         return PredictedError(float("nan"), distance, baseline)
     camera_px, projector_px = camera_px[both], projector_px[both]
+    unknown = ~fit.active[setup.columns.translation][:2]  # of a code of one coordinate
     squares = np.zeros(len(camera_px))
     values, vectors = np.linalg.eigh(fit.covariance[np.ix_(fit.active, fit.active)])
     for value, vector in zip(values, vectors.T, strict=True):
@@ -123,7 +124,11 @@ def predicted_error(fit: Adjusted) -> PredictedError:
         shifted = setup.moved(change)
         if shifted is None:
             return PredictedError(float("nan"), distance, baseline)
-        there = triangulated(shifted, shifted.devices[0].unproject(camera_px), projector_px)
+        moved = shifted.devices[0].unproject(camera_px)
+        if unknown.any():
+            there = on_plane_of(shifted, moved, projector_px, int(np.argmin(unknown)))
+        else:
+            there = triangulated(shifted, moved, projector_px)
         squares += np.sum((there - points[both]) ** 2, axis=1) / 1e-6
     return PredictedError(float(np.sqrt(np.mean(squares))), distance, baseline)
 
