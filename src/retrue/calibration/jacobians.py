@@ -111,10 +111,11 @@ def triangulated(setup: Setup, rays: FloatArray, projector_px: FloatArray) -> Fl
 
 def on_plane_of(setup: Setup, rays: FloatArray, projector_px: FloatArray, axis: int) -> FloatArray:
     """Points (N, 3) where the first device's rays meet the planes of the projector's columns (axis 0), or rows (1)."""
-    ray = _homogeneous(rays)
-    turned, t = ray @ setup.second_from_first.R.T, setup.second_from_first.t
+    ray, pose = _homogeneous(rays), setup.second_from_first
     known = setup.devices[1].unproject(projector_px)[:, axis]
-    return ray * ((t[axis] - known * t[2]) / (known * turned[:, 2] - turned[:, axis]))[:, None]
+    across = known[:, None] * pose.R[2] - pose.R[axis]  # normals of those planes
+    depth = (pose.t[axis] - known * pose.t[2]) / (across * ray).sum(axis=1)
+    return ray * depth[:, None]
 
 
 def _through_device(
@@ -152,18 +153,16 @@ def predicted_px(setup: Setup, group: CornerObservations) -> FloatArray:
 
 def _known(error: FloatArray) -> FloatArray:
     """Zero where nothing was measured."""
-    one = np.isnan(error).any(axis=1) & ~np.isnan(error).all(axis=1)
-    return np.where(np.isnan(error) & one[:, None], 0.0, error)
+    one = np.isnan(error).sum(axis=1, keepdims=True) == 1
+    return np.where(np.isnan(error) & one, 0.0, error)
 
 
 def _along_and_across(along: FloatArray, columns: FloatArray, measured: FloatArray) -> FloatArray:
     """`_turned_to_epipolar`; where one coordinate alone is `measured` (N, 2), that one, and zero."""
     turned = _turned_to_epipolar(along, columns)
-    one = np.isnan(measured).any(axis=1)
-    if one.any():
-        known = np.argmax(np.isfinite(measured[one]), axis=1)
-        turned[one, 0] = columns[np.flatnonzero(one), known]
-        turned[one, 1] = 0
+    one = np.flatnonzero(np.isnan(measured).any(axis=1))
+    turned[one, 0] = columns[one, np.isnan(measured[one, 0]).astype(np.int64)]
+    turned[one, 1] = 0
     return turned
 
 

@@ -37,7 +37,7 @@ def with_second_by_one_coordinate(setup: Setup, views: list[View], size: Size, k
     told = np.isfinite(group.pixels[:, axis])
     first, last = _resected(points[told], group.pixels[told, axis], max(size))
     along, forward = _axes(first, last, known.K if known else None, axis)
-    across = np.cross(forward, along) if axis == 0 else np.cross(along, forward)
+    across = np.asarray(np.cross(forward, along) if axis == 0 else np.cross(along, forward), dtype=np.float64)
     turn = nearest_rotation(np.stack([along, across, forward] if axis == 0 else [across, along, forward]))
     f, c = _scale(first, last, known, axis)
     position = np.zeros(3)
@@ -76,22 +76,26 @@ def _resected(points: FloatArray, pixels: FloatArray, side: int) -> tuple[FloatA
     middle, spread = points.mean(axis=0), float(points.std())
     scaled = np.concatenate([(points - middle) / spread, np.ones((len(points), 1))], axis=1)
     x = (pixels - pixels.mean()) / side
-    weight = np.ones(len(x))
-    for _ in range(3):  # the algebraic error of far points counts more than their pixels: divided by depth, it does not
-        rows = np.concatenate([scaled, -x[:, None] * scaled], axis=1) * weight[:, None]
-        values, vectors = np.linalg.eigh(rows.T @ rows)
-        if not values[1] > 1e-12 * values[-1]:
-            raise DegenerateError(UNDETERMINED)
-        solution = vectors[:, 0]
-        weight = 1 / np.maximum(np.abs(scaled @ solution[4:]), 1e-6)
-    first, last = side * solution[:4] + pixels.mean() * solution[4:], solution[4:]
+    rows = np.concatenate([scaled, -x[:, None] * scaled], axis=1)
+    solution = _smallest(rows)
+    for _ in range(2):  # over their depth, points far and near count by their pixels
+        solution = _smallest(rows / np.maximum(np.abs(scaled @ solution[4:]), 1e-6)[:, None])
+    first, last = side * solution[:4] + float(pixels.mean()) * solution[4:], solution[4:]
     unscale = np.eye(4) / spread
     unscale[3, 3] = 1
     unscale[:3, 3] = -middle / spread
     first, last = first @ unscale, last @ unscale
-    sign = np.sign(np.median(np.column_stack([points, np.ones(len(points))]) @ last))
-    length = sign * np.linalg.norm(last[:3])
+    ahead = float(np.median(np.column_stack([points, np.ones(len(points))]) @ last))
+    length = float(np.copysign(np.linalg.norm(last[:3]), ahead))
     return first / length, last / length
+
+
+def _smallest(rows: FloatArray) -> FloatArray:
+    """The unit vector that the rows are nearest to orthogonal to."""
+    values, vectors = np.linalg.eigh(rows.T @ rows)
+    if not values[1] > 1e-12 * values[-1]:
+        raise DegenerateError(UNDETERMINED)
+    return np.asarray(vectors[:, 0], dtype=np.float64)
 
 
 def _scale(first: FloatArray, last: FloatArray, known: Camera | None, axis: int) -> tuple[float, float]:

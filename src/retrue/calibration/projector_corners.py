@@ -126,15 +126,15 @@ def _stood_in_for(camera_px: FloatArray, projector_px: FloatArray, axis: int) ->
             error = np.abs((terms[:, :3] @ found[:3]) / (1 + np.stack([u, v], axis=-1) @ found[3:]) - x)
         return np.nan_to_num(error, nan=np.inf) * spread
 
-    rng, fits = np.random.default_rng(0), list[FloatArray]()
-    for _ in range(TRIALS):
-        rows = rng.choice(len(x), MINIMAL, replace=False)
-        fits.append(np.linalg.lstsq(terms[rows], x[rows], rcond=None)[0])
+    def fitted(rows: IntArray) -> FloatArray:
+        return np.asarray(np.linalg.lstsq(terms[rows], x[rows], rcond=None)[0], dtype=np.float64)
+
+    rng = np.random.default_rng(0)
+    fits = [fitted(rng.choice(len(x), MINIMAL, replace=False)) for _ in range(TRIALS)]
     found = max(fits, key=lambda fit: int((missed(fit) < CLOSE_PX).sum()))
     for _ in range(3):
         rows = np.flatnonzero(missed(found) < CLOSE_PX)
-        if len(rows) >= MINIMAL:
-            found = np.linalg.lstsq(terms[rows], x[rows], rcond=None)[0]
+        found = fitted(rows) if len(rows) >= MINIMAL else found
     a, b, _, g, h = found
     filled = projector_px.copy()
     filled[:, axis] = spread * (a * v - b * u) / (1 + g * u + h * v) / max(float(np.hypot(a, b)), 1e-9)
