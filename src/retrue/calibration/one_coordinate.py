@@ -17,7 +17,7 @@ from retrue.calibration.setup import Setup
 from retrue.errors import DegenerateError, InputError
 from retrue.geometry.arrays import FloatArray
 from retrue.geometry.camera import Camera
-from retrue.geometry.transform import RigidTransform, nearest_rotation
+from retrue.geometry.transform import RigidTransform, nearest_rotation, skew
 
 UNDETERMINED = "the views do not determine the projector: hold the board at other angles, nearer and farther"
 USED = 0.45
@@ -37,12 +37,12 @@ def with_second_by_one_coordinate(setup: Setup, views: list[View], size: Size, k
     told = np.isfinite(group.pixels[:, axis])
     first, last = _resected(points[told], group.pixels[told, axis], max(size))
     along, forward = _axes(first, last, known.K if known else None, axis)
-    across = np.asarray(np.cross(forward, along) if axis == 0 else np.cross(along, forward), dtype=np.float64)
+    across = skew(forward) @ along * (1 if axis == 0 else -1)
     turn = nearest_rotation(np.stack([along, across, forward] if axis == 0 else [across, along, forward]))
     f, c = _scale(first, last, known, axis)
     position = np.zeros(3)
     position[2], position[axis] = last[3], (first[3] - c * last[3]) / f
-    position[1 - axis] = -float(np.mean(points @ turn[1 - axis]))
+    position[1 - axis] = -float((points @ turn[1 - axis]).mean())
     second = RigidTransform(turn, position)
     seen = second.apply(points)
     if not (seen[:, 2] > 0).all():

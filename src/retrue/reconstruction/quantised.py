@@ -75,11 +75,11 @@ def _step(values: FloatArray, index: IntArray) -> float:
     if len(places) < 3 or len(few) < FEWEST_PER_STEP * len(places):
         return 0.0
     step = float(np.diff(places).min())
-    multiples = (values - places[0]) / step
-    if (np.abs(multiples - np.round(multiples)) > ROUNDING * np.maximum(1, np.abs(multiples))).any():
+    multiples = np.asarray((values - places[0]) / step, dtype=np.float64)
+    if (np.abs(multiples - np.rint(multiples)) > ROUNDING * np.maximum(1, np.abs(multiples))).any():
         return 0.0
     there = index >= 0
-    grid = np.where(there, np.round(multiples)[index], np.nan)
+    grid = np.where(there, np.rint(multiples)[index], np.nan)
     exact = [_most_common(np.diff(grid, axis=axis)) for axis in (0, 1)]
     return 0.0 if min(exact) > SAME else step
 
@@ -123,7 +123,7 @@ def _mean_of_neighbours(grid: FloatArray, axis: int) -> FloatArray:
 
 def _rounds(read: FloatArray) -> int:
     """Enough to even out steps that are as long as these: what spreads goes as far as the root of the rounds."""
-    steps = (np.diff(read, axis=0), np.diff(read, axis=1))
-    changing = max(float(np.mean(along[np.isfinite(along)] != 0)) for along in steps)
+    steps = (read[1:] - read[:-1], read[:, 1:] - read[:, :-1])
+    changing = max(np.count_nonzero(np.abs(along) > 0) / max(np.isfinite(along).sum(), 1) for along in steps)
     longest = 1 / max(changing, 0.1)
     return min(max(round(4 * longest**2), 8), MOST_ROUNDS)
