@@ -16,9 +16,9 @@ from retrue.geometry.transform import RigidTransform
 from retrue.through_code import match_through_code
 from tests.calibration.test_board import drawn
 
-PROJECTOR = Camera((400, 300), [[420.0, 0, 200], [0, 420, 150], [0, 0, 1]])
-LEFT = Camera((640, 480), [[600.0, 0, 320], [0, 600, 240], [0, 0, 1]])
-RIGHT = Camera((640, 480), [[620.0, 0, 330], [0, 620, 230], [0, 0, 1]], [-0.1, 0.02, 0, 0, 0])
+PROJECTOR = Camera((400, 300), np.array([[420.0, 0, 200], [0, 420, 150], [0, 0, 1]]))
+LEFT = Camera((640, 480), np.array([[600.0, 0, 320], [0, 600, 240], [0, 0, 1]]))
+RIGHT = Camera((640, 480), np.array([[620.0, 0, 330], [0, 620, 230], [0, 0, 1]]), np.array([-0.1, 0.02, 0, 0, 0]))
 POSES = {
     "left": RigidTransform.from_rotation_vector([0, 0.1, 0], [-120.0, 0, 0]),
     "right": RigidTransform.from_rotation_vector([0, -0.1, 0.02], [130.0, 5, 0]),

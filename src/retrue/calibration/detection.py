@@ -167,17 +167,22 @@ def _why_not(grey: Image, board: Board) -> str:
     from retrue.calibration.charuco import markers_seen
 
     seen = markers_seen(grey, board)
-    expected = f"board not found: expected {board.kind}:{size}"
+    expected = f"{board.kind}:{size}"
     if seen and board.kind == "charuco":
-        return f"{expected}, {seen}; are its marker and square sizes, its counts and dictionary as --board says?"
+        return f"board not found: expected {expected}, {seen}; is all of it as --board says?"
     if seen:
-        return f"{expected}, but {seen}: a ChArUco board? Say charuco:COLUMNSxROWS:SQUARE:MARKER:DICTIONARY"
+        return (
+            f"board not found: expected {expected}, but {seen}: a ChArUco board? "
+            "Say charuco:COLUMNSxROWS:SQUARE:MARKER:DICTIONARY"
+        )
     if board.kind in ("chessboard", "charuco") and (grid := _visible_grid(grey)) and len(grid[0]) >= SMALLEST_PART:
         columns, rows = grid[1]
         if board.kind == "charuco":
-            return f"{expected}, no marker is seen, but a chessboard of {columns}x{rows} inner corners; check --board"
+            return (
+                f"board not found: no marker of {expected} is seen, but {columns}x{rows} inner corners; check --board"
+            )
         return f"board not found: expected {size} inner corners, a grid of {columns}x{rows} is visible; check --board"
-    return f"{expected}; is it whole, sharp, evenly lit, with a white margin?"
+    return f"board not found: expected {expected}; is it whole, sharp, evenly lit, with a white margin?"
 
 
 def _grey(image: Image) -> Image:
