@@ -27,6 +27,7 @@ from retrue.errors import DeviceError as DeviceError
 from retrue.errors import FileError as FileError
 from retrue.errors import InputError as InputError
 from retrue.errors import RetrueError as RetrueError
+from retrue.errors import RetrueWarning as RetrueWarning
 from retrue.files.board_captures import read_board_capture as read_board_capture
 from retrue.files.board_captures import read_board_captures as read_board_captures
 from retrue.files.captures import read_capture as read_capture
@@ -49,6 +50,7 @@ from retrue.files.rigs import read_device as read_device
 from retrue.files.rigs import read_rig as read_rig
 from retrue.files.rigs import write_rig as write_rig
 from retrue.files.step import write_step as write_step
+from retrue.files.stereo_captures import read_stereo_captures as read_stereo_captures
 from retrue.geometry.camera import Camera as Camera
 from retrue.geometry.homography import fit_homography as fit_homography
 from retrue.geometry.planar_pose import PlanarPose as PlanarPose
@@ -92,3 +94,4 @@ from retrue.rig import Rig as Rig
 from retrue.simulation.options import SimulateOptions as SimulateOptions
 from retrue.simulation.simulate import Simulated as Simulated
 from retrue.simulation.simulate import simulate as simulate
+from retrue.through_code import match_through_code as match_through_code

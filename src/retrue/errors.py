@@ -7,7 +7,7 @@
     ├── DeviceError             a camera or a projector that does not do what was asked of it: names it
     └── DegenerateError         the data cannot determine what was asked for
 
-A message is one line: what, expected, found, what to do.
+and what it warns of, `RetrueWarning`. A message is one line: what, expected, found, what to do.
 """
 
 from __future__ import annotations
@@ -51,6 +51,10 @@ class DeviceError(RetrueError):
 
 class DegenerateError(RetrueError):
     """The data do not determine what was asked for (three points, collinear points ...)."""
+
+
+class RetrueWarning(UserWarning):
+    """What a reader should know of a file that is read all the same; the command line prints it."""
 
 
 def require_kind(value: Any, kind: type | tuple[type, ...], name: str, advice: str = "") -> None:

@@ -132,7 +132,7 @@ def picture_mirrored(captures: Sequence[Correspondences]) -> PictureMirrored | N
 
 def _areas(points: Correspondences) -> FloatArray:
     """Of some triangles in the camera times that in the projector: positive where both run the same way round."""
-    if len(points) < 3:
+    if len(points) < 3 or len(points.axes) < 2:  # one coordinate cannot tell
         return np.empty(0)
     few = points.select(np.linspace(0, len(points) - 1, min(len(points), MOST_CORNERS)).astype(np.int64))
     _, rows = nearest_of_all(few.camera_px, few.camera_px, 3)

@@ -131,3 +131,49 @@ def test_no_board_says_why() -> None:
     ):
         with pytest.raises(BoardNotFound, match=why):
             find_board(image, spec)
+
+
+def charuco_picture(board: Board, *, old: bool, scale: float = 1.0) -> tuple[Image, FloatArray]:
+    """A tilted, blurred picture of a ChArUco board in either layout, and where its corners lie in it."""
+    dictionary = cv2.aruco.getPredefinedDictionary(getattr(cv2.aruco, board.dictionary))
+    charuco = cv2.aruco.CharucoBoard((board.columns, board.rows), board.spacing, board.marker, dictionary)
+    charuco.setLegacyPattern(old)
+    side, margin = 240, 240
+    flat = np.full((board.rows * side + 2 * margin, board.columns * side + 2 * margin), 255, dtype=np.uint8)
+    flat[margin:-margin, margin:-margin] = charuco.generateImage((board.columns * side, board.rows * side))
+    flat = cv2.GaussianBlur(flat, (0, 0), 2.5)
+    tilt = np.array([[0.16 * scale, 0.02, 60], [-0.015, 0.155 * scale, 90], [4e-6, 9e-6, 1]])
+    picture = cv2.warpPerspective(flat, tilt, (560, 470), flags=cv2.INTER_LINEAR, borderValue=255)
+    corners = board.points / board.spacing * side + margin - 0.5
+    return cv2.GaussianBlur(picture, (0, 0), 0.8), cv2.perspectiveTransform(corners[:, None], tilt)[:, 0]
+
+
+@pytest.mark.parametrize("old", [False, True])
+@pytest.mark.parametrize("spec", ["charuco:10x8:40mm:30mm:DICT_4X4_50", "charuco:9x7:40mm:28mm:DICT_5X5_100"])
+def test_charuco_in_either_layout(spec: str, old: bool) -> None:
+    board = parse_board(spec)
+    picture, truth = charuco_picture(board, old=old)
+    found = find_board(picture, board)
+    assert found.complete
+    row = [int(np.argmin(np.linalg.norm(board.points - xy, axis=1))) for xy in found.board_xy]
+    # In a window that reaches into the markers, as the distance of corners alone allows, this is .2 px and more.
+    assert np.sqrt(np.mean(np.sum((found.pixels - truth[row]) ** 2, axis=1))) < 0.08
+
+
+@pytest.mark.parametrize(
+    ("spec", "flip", "why"),
+    [
+        ("charuco:10x8:40mm:30mm:DICT_5X5_100", False, "40 markers of DICT_4X4_50 are seen, ids 0 to 39; --board says"),
+        ("charuco:6x4:40mm:30mm:DICT_4X4_50", False, "a board of 6x4 squares has only 0 to 11: is it a larger one"),
+        ("charuco:10x8:40mm:30mm:DICT_4X4_50", True, "ids 0 to 39; the picture is mirrored"),
+        ("chessboard:9x7:40mm", False, r"but \d\d markers of DICT_4X4_50 .*: a ChArUco board"),
+    ],
+)
+def test_where_a_board_is_not_found_its_markers_are_told(spec: str, flip: bool, why: str) -> None:
+    picture, _ = charuco_picture(parse_board("charuco:10x8:40mm:30mm:DICT_4X4_50"), old=False)
+    if spec.startswith("charuco:6x4"):
+        picture[:200] = 255  # the rows that a smaller board has, too
+    if spec.startswith("chess"):
+        picture[250:260] = 128
+    with pytest.raises(BoardNotFound, match=why):
+        find_board(np.ascontiguousarray(picture[:, ::-1]) if flip else picture, parse_board(spec))

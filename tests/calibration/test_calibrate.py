@@ -13,13 +13,17 @@ import pytest
 
 from retrue.calibration.board import parse_board
 from retrue.calibration.calibrate import calibrate, calibrate_views
+from retrue.calibration.detection import BoardCorners
 from retrue.calibration.observations import View
 from retrue.calibration.options import CalibrationOptions
+from retrue.calibration.projector_corners import fit_projector_corners
 from retrue.calibration.result import Calibrated, RefusedCalibration
 from retrue.calibration.views import BoardCapture, LeftOut
 from retrue.correspondences import Correspondences
 from retrue.errors import InputError
 from retrue.files.rigs import read_rig, write_rig
+from retrue.geometry.homography import apply_homography
+from retrue.reconstruction.reconstruct import reconstruct
 from retrue.rig import Rig
 
 BOARD = parse_board("chessboard:7x9:40mm")
@@ -241,3 +245,63 @@ def test_real_poses_left_out(real: Any) -> None:
     ours = np.array([rms for rms, _ in real["epipolar"].values()])
     theirs = np.array([list(rms.values()) for _, rms in real["epipolar"].values()])
     assert (ours <= theirs.min(axis=1)).all()
+
+
+@pytest.mark.parametrize("axis", [0, 1])
+def test_one_coordinate_calibrates_what_it_measures(six: tuple[Rig, list[View]], axis: int) -> None:
+    truth, views = six
+    one = [_of_one_coordinate(view, axis) for view in views]
+    result = calibrate_views(one, BOARD, SIZES)
+    assert isinstance(result, Calibrated), result.reason
+    rig, evidence = result.rig, result.evidence
+    assert evidence["one_coordinate"]["decoded"] == ("columns", "rows")[axis]
+    assert abs(rig.projector.K[axis, axis] / truth.projector.K[axis, axis] - 1) < 0.02
+    # A wall, of which the projector tells one coordinate: as the rig that made it sees it, within what is stated.
+    distance = evidence["predicted_error"]["at_distance"]
+    x, y = np.meshgrid(np.linspace(200, 1080, 9), np.linspace(150, 870, 7))
+    camera_px = np.stack([x.ravel(), y.ravel()], axis=-1)
+    points = np.column_stack([truth.camera.unproject(camera_px), np.ones(len(camera_px))]) * distance
+    projector_px = truth.projector.project(truth.projector_from_camera.apply(points))
+    inside = truth.projector.contains(projector_px, margin=-50)
+    camera_px, points, projector_px = camera_px[inside], points[inside], projector_px[inside]
+    projector_px[:, 1 - axis] = np.nan
+    there = reconstruct(rig, Correspondences(camera_px, projector_px))
+    seen = {tuple(pixel): point for pixel, point in zip(camera_px.tolist(), points, strict=True)}
+    error = [np.linalg.norm(point - seen[tuple(px)]) for point, px in zip(there.points, there.camera_px, strict=True)]
+    assert len(error) > 0.9 * len(points)
+    assert np.sqrt(np.mean(np.square(error))) < 3 * evidence["predicted_error"]["rms"]
+    assert evidence["predicted_error"]["rms"] < 0.02 * distance
+
+
+def _of_one_coordinate(view: View, axis: int) -> View:
+    kept = np.where(np.arange(2) == axis, 0.0, np.nan)
+    none = np.empty((0, 2))
+    return replace(
+        view,
+        pixels=(view.pixels[0], view.pixels[1] + kept),
+        patch_projector_px=view.patch_projector_px + kept,
+        scene_camera_px=none,
+        scene_projector_px=none,
+    )
+
+
+@pytest.mark.parametrize("axis", [0, 1])
+def test_corners_of_one_coordinate(axis: int) -> None:
+    board_from_camera = np.linalg.inv(np.array([[1.5, 0.1, 120], [-0.05, 1.6, 90], [1e-5, 3e-5, 1]]))
+    projector_from_camera = np.array([[0.7, 0.05, 30], [-0.1, 0.8, 60], [2e-5, -4e-5, 1]])
+    x, y = np.meshgrid(np.arange(100.0, 560, 2), np.arange(70.0, 660, 2))
+    camera_px = np.stack([x.ravel(), y.ravel()], axis=-1)
+    rng = np.random.default_rng(1)
+    projector_px = apply_homography(projector_from_camera, camera_px) + rng.normal(0, 0.2, camera_px.shape)
+    strays = rng.random(len(camera_px)) < 0.01
+    projector_px[strays] = rng.uniform(0, 700, (strays.sum(), 2))
+    projector_px[:, 1 - axis] = np.nan
+    pixels = apply_homography(np.linalg.inv(board_from_camera), BOARD.points)
+    fit = fit_projector_corners(
+        BoardCorners(BOARD.points, pixels, True), Correspondences(camera_px, projector_px), BOARD
+    )
+    assert np.isnan(fit.corner_px[:, 1 - axis]).all()
+    assert len(fit.scene_camera_px) == 0
+    error = (fit.corner_px - apply_homography(projector_from_camera, pixels))[:, axis]
+    assert np.nanmax(np.abs(error)) < 0.1
+    assert np.isfinite(error).sum() > 50

@@ -50,7 +50,7 @@ def test_help_tables_fit_80_columns(retrue, name, monkeypatch):
         (["verfy"], "did you mean verify?"),
         (["xyzzy"], "retrue --help lists them"),
         ([], "retrue demo"),
-        (["calibrate", "a"], "missing --pattern P.json, --board KIND:SIZE:LENGTH, --out PATH; retrue calibrate --help"),
+        (["calibrate", "a"], "missing --board KIND:SIZE:LENGTH, --out PATH; retrue calibrate --help"),
         (["verify"], "missing RIG; "),
         (["verify", "rig.json", "a.csv", "--patern", "p.json"], "did you mean --pattern?"),
         (["recalibrate", "rig.json", "a.csv", "--max-point=7"], "did you mean --max-points?"),

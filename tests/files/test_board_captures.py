@@ -9,8 +9,10 @@ import numpy as np
 import pytest
 
 from retrue.calibration.board import parse_board
-from retrue.errors import CaptureError
+from retrue.correspondences import Correspondences
+from retrue.errors import CaptureError, FileError
 from retrue.files.board_captures import read_board_capture
+from retrue.files.points import write_points
 from retrue.patterns.gray_code import GrayCode
 
 PATTERN = GrayCode((1024, 768))
@@ -35,3 +37,23 @@ def test_what_is_no_capture_is_named(tmp_path: Path) -> None:
         read_board_capture(picture, PATTERN, BOARD)
     with pytest.raises(CaptureError, match=tmp_path.name):
         read_board_capture(tmp_path, PATTERN, BOARD)
+
+
+def test_a_picture_of_the_board_with_a_points_csv(tmp_path: Path) -> None:
+    folder = tmp_path / "pose"
+    folder.mkdir()
+    cv2.imwrite(str(folder / "a.png"), np.full((40, 60), 200, np.uint8))
+    write_points(folder / "a.csv", Correspondences([[3, 4.5]], [[7, 8]], projector_size=(100, 90)))
+    for path in (folder, folder / "a.png", folder / "a.csv"):
+        capture = read_board_capture(path, None, BOARD)
+        assert (capture.white.shape, capture.points.projector_size) == ((40, 60), (100, 90))
+        assert capture.points.projector_px.tolist() == [[7, 8]]
+    write_points(folder / "a.csv", Correspondences([[59.8, 4.5]], [[7, 8]]))
+    with pytest.raises(FileError, match=r"1 points lie outside a\.png, 60 x 40"):
+        read_board_capture(folder, None, BOARD)
+    (folder / "b.csv").write_text("")
+    with pytest.raises(CaptureError, match="expected one picture of the board and one points CSV, found 1 "):
+        read_board_capture(folder, None, BOARD)
+    (folder / "a.png").rename(tmp_path / "alone.png")
+    with pytest.raises(CaptureError, match="expected the picture of the board beside it"):
+        read_board_capture(folder / "a.csv", None, BOARD)

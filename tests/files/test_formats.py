@@ -9,7 +9,7 @@ import cv2
 import numpy as np
 import pytest
 
-from retrue.errors import FileError, InputError
+from retrue.errors import FileError, InputError, RetrueWarning
 from retrue.files.rigs import RIG_FORMATS, read_device, read_rig, write_rig
 from retrue.files.tool_formats import TOOL_FORMATS, ToolFormat
 from retrue.geometry.camera import Camera
@@ -359,5 +359,183 @@ distortion_coefficients:
     assert camera.K[0].tolist() == [500.5, 0, 320]
     assert camera.distortion.tolist() == [-0.25, 0.125, 0, 0, 0]
     fisheye = write(tmp_path / "fisheye.yaml", text.replace("plumb_bob", "equidistant"))
-    with pytest.raises(FileError, match="distortion_model: expected plumb_bob or rational_polynomial"):
+    with pytest.raises(FileError, match="expected four coefficients of a fisheye, found 5"):
         read_device(fisheye, "camera")
+    unknown = write(tmp_path / "unknown.yaml", text.replace("plumb_bob", "thin_prism"))
+    with pytest.raises(FileError, match="distortion_model: expected plumb_bob, rational_polynomial, equidistant"):
+        read_device(unknown, "camera")
+
+
+def opencv_matrix(name: str, values: Any) -> str:
+    matrix = np.atleast_2d(np.array(values, dtype=float))
+    data = ", ".join(f"{value:.16e}" for value in matrix.ravel())
+    rows, cols = matrix.shape
+    return f"{name}: !!opencv-matrix\n   rows: {rows}\n   cols: {cols}\n   dt: d\n   data: [ {data} ]\n"
+
+
+K_OF_SAMPLE = [[1510.0, 0, 634], [0, 1512, 487], [0, 0, 1]]
+CAMERA_SAMPLE = (
+    '%YAML:1.0\n---\ncalibration_time: "Tue Jun  5 10:11:12 2018"\nnr_of_frames: 22\nimage_width: 1280\n'
+    "image_height: 960\nboard_width: 9\nboard_height: 6\nsquare_size: 25.\nfix_aspect_ratio: 1.\n"
+    "# flags: +fix_aspectRatio +zero_tangent_dist\nflags: 6\nfisheye_model: 0\n"
+    + opencv_matrix("camera_matrix", K_OF_SAMPLE)
+    + opencv_matrix("distortion_coefficients", [[-0.09], [0.04], [0.0], [0.0], [0.0]])
+    + "avg_reprojection_error: 2.1e-01\n"
+    + opencv_matrix("extrinsic_parameters", np.ones((3, 6)))
+)
+
+
+def test_what_opencvs_calibration_sample_writes_is_a_known_camera(tmp_path: Path) -> None:
+    camera = read_device(write(tmp_path / "out_camera_data.yml", CAMERA_SAMPLE), "camera")
+    assert (camera.size, camera.K.tolist()) == ((1280, 960), K_OF_SAMPLE)
+    assert camera.distortion.tolist() == [-0.09, 0.04, 0, 0, 0]
+    with pytest.raises(FileError, match="found one device"):
+        read_rig(tmp_path / "out_camera_data.yml")
+    old = CAMERA_SAMPLE.replace("image_width", "image_Width").replace("image_height", "image_Height")
+    old = old.replace("camera_matrix", "Camera_Matrix").replace("distortion_coefficients", "Distortion_Coefficients")
+    assert_same(read_device(write(tmp_path / "opencv_2.yml", old), "camera"), camera)
+    sizeless = "\n".join(line for line in CAMERA_SAMPLE.splitlines() if not line.startswith("image_"))
+    assert_same(read_device(write(tmp_path / "python.yml", sizeless), "projector", size=(1280, 960)), camera)
+    with pytest.raises(FileError, match="does not store camera_size"):
+        read_device(tmp_path / "python.yml", "camera")
+
+
+def test_what_opencvs_stereo_sample_writes_is_a_rig(tmp_path: Path) -> None:
+    R = cv2.Rodrigues(np.array([0.05, 0.2, 0.03]))[0]
+    devices = {"M1": K_OF_SAMPLE, "D1": [-0.09, 0.04, *[0] * 12], "M2": np.diag([1320.0, 1318, 1]), "D2": [0] * 14}
+    intrinsics = "".join(opencv_matrix(name, values) for name, values in devices.items())
+    extrinsics = opencv_matrix("R", R) + opencv_matrix("T", [[-432.0], [44], [24]]) + opencv_matrix("Q", np.eye(4))
+    write(tmp_path / "both.yml", "%YAML:1.0\n---\n" + intrinsics + extrinsics)
+    rig = read_rig(tmp_path / "both.yml", **SIZES, unit="mm")
+    np.testing.assert_allclose(rig.projector_from_camera.R, R, atol=1e-15)
+    assert rig.projector_from_camera.t.tolist() == [-432, 44, 24]
+    assert rig.projector.K[0, 0] == 1320
+    alone = write(tmp_path / "intrinsics.yml", "%YAML:1.0\n---\n" + intrinsics)
+    assert read_device(alone, "projector", size=(1024, 768)).K[1, 1] == 1318
+    with pytest.raises(FileError, match="looks like opencv-stereo, but R, T is missing: the sample writes"):
+        read_rig(alone, **SIZES, unit="mm")
+    write(tmp_path / "extrinsics.yml", "%YAML:1.0\n---\n" + extrinsics)
+    for half in ("intrinsics.yml", "extrinsics.yml"):
+        assert read_rig(tmp_path / half, **SIZES, unit="mm").projector_from_camera.t.tolist() == [-432, 44, 24]
+
+
+KALIBR = """cam0:
+  cam_overlaps: [1]
+  camera_model: pinhole
+  distortion_coeffs: [-0.27695497, 0.06712482,
+    0.00087538, 0.00011556]
+  distortion_model: radtan
+  intrinsics: [461.629, 460.152, 362.680, 246.049]
+  resolution: [752, 480]
+  rostopic: /cam0/image_raw
+cam1:
+  T_cn_cnm1:
+  - [0.99998854, 0.00216014, 0.00427195, -0.11003785]
+  - [-0.00221074, 0.99992702, 0.01187697, 0.00045792]
+  - [-0.00424598, -0.01188627, 0.99992034, -0.00064487]
+  - [0.0, 0.0, 0.0, 1.0]
+  cam_overlaps: [0]
+  camera_model: pinhole
+  distortion_coeffs: [0.01, -0.02, 0.01, -0.003]
+  distortion_model: equidistant
+  intrinsics: [460.0, 461.0, 373.850, 253.749]
+  resolution: [752, 480]
+  rostopic: /cam1/image_raw
+"""
+
+
+def test_a_camchain_of_kalibr_is_a_rig_in_metres(tmp_path: Path) -> None:
+    with pytest.warns(RetrueWarning, match=r"cam1: a lens .*\(pinhole-equidistant\), fitted to within 0\.0"):
+        rig = read_rig(write(tmp_path / "camchain.yaml", KALIBR))
+    assert (rig.unit, rig.camera.size, rig.camera.distortion.tolist()[:2]) == (
+        "m",
+        (752, 480),
+        [-0.27695497, 0.06712482],
+    )
+    np.testing.assert_allclose(rig.projector_from_camera.t, [-0.11003785, 0.00045792, -0.00064487])
+    rays = np.random.default_rng(0).uniform(-0.7, 0.7, (50, 2))
+    k = np.array([0.01, -0.02, 0.01, -0.003])
+    there = cv2.fisheye.distortPoints(rays[None], np.array([[460.0, 0, 373.85], [0, 461, 253.749], [0, 0, 1]]), k)[0]
+    np.testing.assert_allclose(rig.projector.pixels_from_rays(rays), there, atol=0.01)
+    with pytest.raises(FileError, match="expected one camera or two, found cam0, cam1, cam2"):
+        read_rig(write(tmp_path / "three.yaml", KALIBR + KALIBR[: KALIBR.index("cam1")].replace("cam0", "cam2")))
+
+
+def test_kalibrs_poses_to_the_imu_are_a_chain_too(tmp_path: Path) -> None:
+    def pose(x: float) -> str:
+        return f"  T_cam_imu: [[1, 0, 0, {x}], [0, 1, 0, 0], [0, 0, 1, 0], [0, 0, 0, 1]]\n"
+
+    start, end = KALIBR.index("  T_cn_cnm1"), KALIBR.index("  cam_overlaps: [0]")
+    text = KALIBR[:start] + pose(0.3) + KALIBR[end:].replace("equidistant", "radtan")
+    rig = read_rig(write(tmp_path / "imu.yaml", text.replace("cam0:\n", "cam0:\n" + pose(0.5))), unit="m")
+    np.testing.assert_allclose(rig.projector_from_camera.t, [-0.2, 0, 0], atol=1e-15)
+
+
+BOOFCV_CAMERA = """pinhole:
+  fx: 701.0
+  fy: 698.5
+  cx: 308.25
+  cy: 246.5
+  width: 640
+  height: 480
+  skew: 0.0
+model: pinhole_radial_tangential
+radial_tangential:
+  radial:
+  - -0.25
+  - 0.09
+  t1: 0.001
+  t2: -0.002
+version: 0
+"""
+
+
+def test_boofcv_writes_cameras_and_stereo_pairs(tmp_path: Path) -> None:
+    head = "# Pinhole camera model with radial and tangential distortion\n\n"
+    camera = read_device(write(tmp_path / "intrinsic.yaml", head + BOOFCV_CAMERA), "camera")
+    assert camera.distortion.tolist() == [-0.25, 0.09, 0.001, -0.002, 0]
+    inner = "".join(f"  {line}\n" for line in BOOFCV_CAMERA.splitlines())
+    long = inner.replace("    - 0.09\n", "    - 0.09\n    - -0.02\n    - 0.05\n")
+    R = cv2.Rodrigues(np.array([0.05, 0.2, 0.03]))[0]
+    turn = "".join(f"  - {value!r}\n" for value in R.ravel().tolist())
+    pose = f"rightToLeft:\n  rotation:\n{turn}  x: 120.0\n  y: 1.0\n  z: -2.0\n"
+    stereo = f"# Intrinsic and extrinsic\nleft:\n{inner}right:\n{long}{pose}model: stereo_camera\nversion: 0\n"
+    with pytest.warns(RetrueWarning, match="right: a lens .*4 radial coefficients"):
+        rig = read_rig(write(tmp_path / "stereo.yaml", stereo), unit="mm")
+    np.testing.assert_allclose(rig.projector_from_camera.R, R.T, atol=1e-12)
+    np.testing.assert_allclose(rig.projector_from_camera.t, -R.T @ [120.0, 1.0, -2.0], atol=1e-12)
+    assert_same(rig.camera, camera)
+    with pytest.warns(RetrueWarning), pytest.raises(FileError, match="BoofCV does not store unit"):
+        read_rig(tmp_path / "stereo.yaml")
+
+
+def test_a_tilted_sensor_is_fitted(tmp_path: Path) -> None:
+    distortion = np.array([-0.1, 0.05, 1e-3, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0.004, -0.003])
+    text = CAMERA_SAMPLE[: CAMERA_SAMPLE.index("distortion_coeff")] + opencv_matrix(
+        "distortion_coefficients", distortion
+    )
+    with pytest.warns(RetrueWarning, match=r"tilted sensor\), fitted to within 0\.0"):
+        camera = read_device(write(tmp_path / "tilted.yml", text), "camera")
+    rays = np.random.default_rng(0).uniform(-0.3, 0.3, (50, 2))
+    points = np.column_stack([rays, np.ones(50)])
+    there = cv2.projectPoints(points, np.zeros(3), np.zeros(3), np.array(K_OF_SAMPLE), distortion)[0][:, 0]
+    np.testing.assert_allclose(camera.pixels_from_rays(rays), there, atol=0.02)
+
+
+def test_a_lens_that_folds_in_its_own_picture_is_said(tmp_path: Path) -> None:
+    def sample(k1: float) -> Path:
+        return write(
+            tmp_path / "c.yml",
+            CAMERA_SAMPLE.replace("-9.0000000000000024e-02", repr(k1)).replace("-8.9999999999999997e-02", repr(k1)),
+        )
+
+    with pytest.raises(FileError, match=r"camera: the lens model reaches only \d\d % of the picture"):
+        read_device(sample(-1.2), "camera")
+    with pytest.warns(RetrueWarning, match="reaches only 9"):
+        read_device(sample(-0.75), "camera")
+
+
+def test_a_format_is_named_only_where_most_of_its_entries_are_there(tmp_path: Path) -> None:
+    text = "%YAML:1.0\n---\n" + opencv_matrix("M1", np.eye(3)) + opencv_matrix("focus", [1.0])
+    with pytest.raises(FileError, match=r"expected a rig of .*; found entries M1, focus"):
+        read_rig(write(tmp_path / "some.yml", text))

@@ -1,3 +1,5 @@
+from pathlib import Path
+
 import numpy as np
 import pytest
 
@@ -95,7 +97,7 @@ def test_a_value_out_of_range_is_named(tmp_path):
     [
         (b"", "found no column camera_x"),
         (b"1,2,3,4\n", "found no column camera_x"),
-        (b"camera_x,camera_y,projector_x\n1,2,3\n", "found no column projector_y"),
+        (b"camera_x,projector_x,projector_y\n1,2,3\n", "found no column camera_y"),
         (b"\x89PNG\r\n\x1a\n\xff\xfe", "expected text"),
     ],
 )
@@ -168,3 +170,38 @@ def test_a_folder_that_cannot_be_written_leaves_nothing(tmp_path):
     with pytest.raises(FileError, match="cannot be written"):
         write_points(tmp_path / "file" / "points.csv", some_points())
     assert sorted(entry.name for entry in tmp_path.iterdir()) == ["file"]
+
+
+def test_semicolons_and_decimal_commas_are_read(tmp_path: Path) -> None:
+    rows = '# camera_size=1280x960\n"camera_x";"camera_y";"projector_x";"projector_y"\n1,5;2;3,25;4\n-0,5;2,5;3;1e1\n'
+    for name, text in (("semicolons.csv", rows), ("tabs.csv", rows.replace(";", "\t"))):
+        (tmp_path / name).write_text(text)
+        points = read_points(tmp_path / name)
+        assert points.camera_px.tolist() == [[1.5, 2.0], [-0.5, 2.5]]
+        assert points.projector_px.tolist() == [[3.25, 4.0], [3.0, 10.0]]
+        assert points.camera_size == (1280, 960)
+    (tmp_path / "bad.csv").write_text(rows.replace("1,5;", "1,,5;"))
+    with pytest.raises(FileError, match=r"line 3: camera_x: expected a finite number, found '1\.\.5'"):
+        read_points(tmp_path / "bad.csv")
+    (tmp_path / "commas.csv").write_text("camera_x,camera_y,projector_x,projector_y\n1,5,2,0,3,25,4,0\n")
+    with pytest.raises(
+        FileError, match="line 2: expected 4 columns as in the header, found 8; where numbers have decimal"
+    ):
+        read_points(tmp_path / "commas.csv")
+
+
+@pytest.mark.parametrize(("axis", "absent"), [(0, "projector_y"), (1, "projector_x")])
+def test_one_coordinate_is_one_column(axis: int, absent: str, tmp_path: Path) -> None:
+    projector_px = np.full((3, 2), np.nan)
+    projector_px[:, axis] = [0.5, 7.25, 3.0]
+    write_points(
+        tmp_path / "points.csv", Correspondences(np.arange(6.0).reshape(3, 2), projector_px, cells=[[1, 2]] * 3)
+    )
+    assert absent not in (tmp_path / "points.csv").read_text()
+    points = read_points(tmp_path / "points.csv")
+    assert points.axes == (axis,)
+    np.testing.assert_array_equal(points.projector_px, projector_px)
+    assert points.cells is not None
+    (tmp_path / "neither.csv").write_text("camera_x,camera_y\n1,2\n")
+    with pytest.raises(FileError, match="found no column projector_x"):
+        read_points(tmp_path / "neither.csv")

@@ -17,7 +17,8 @@ from retrue.calibration.bundle import Adjusted, adjust
 from retrue.calibration.closed_form import first_camera, with_second
 from retrue.calibration.evidence import gather_evidence, rms_px
 from retrue.calibration.model_terms import Choice, choose_terms, fit_with_lens, with_honest_covariance
-from retrue.calibration.observations import CornerObservations, View, corner_group, observation_groups
+from retrue.calibration.observations import CornerObservations, View, corner_group, observation_groups, unknown_axes
+from retrue.calibration.one_coordinate import squared
 from retrue.calibration.options import CalibrationOptions
 from retrue.calibration.reasons import (
     BoardNotSeen,
@@ -119,7 +120,8 @@ def _solve(
 ) -> _Solution:
     """The fit, without the views and corners that contradict the rest; those views are added to `left_out`."""
     fixed = (known[0] is not None, known[1] is not None)
-    fit = fit_with_lens(start(views, sizes, known), observation_groups(views, dense=False), fixed, ("k1",))
+    unknown = unknown_axes(views)
+    fit = fit_with_lens(start(views, sizes, known), observation_groups(views, dense=False), fixed, ("k1",), unknown)
     while (better := _without_a_bad_view(fit, views, options)) is not None:
         fit, views, bad = better
         left_out.append(bad)
@@ -132,7 +134,10 @@ def _solve(
         dropped += counts
         groups = observation_groups(views, options.dense)
         fit = adjust(fit.setup, groups, fit.active, scales=fit.scales)
-    return _Solution(with_honest_covariance(fit, groups, fixed), choices, views, dropped.tolist())
+    fit = with_honest_covariance(fit, groups, fixed)
+    if known[1] is None:
+        fit = replace(fit, setup=squared(fit.setup, unknown, views))
+    return _Solution(fit, choices, views, dropped.tolist())
 
 
 def start(views: list[View], sizes: Sizes, known: Known) -> Setup:

@@ -38,6 +38,10 @@ def first_camera(views: list[View], size: Size, known: Camera | None) -> Setup:
 
 def with_second(setup: Setup, views: list[View], size: Size, known: Camera | None) -> Setup:
     """The same, with the second device: a projector, or another camera."""
+    if not all(np.isfinite(view.pixels[1][view.seen(1)]).all() for view in views):
+        from retrue.calibration.one_coordinate import with_second_by_one_coordinate
+
+        return with_second_by_one_coordinate(setup, views, size, known)
     homographies = [board_homography(view, 1) for view in views]
     group = corner_group(views, 1)
     poses = np.stack([pose.R for pose in setup.first_from_board]), np.stack([p.t for p in setup.first_from_board])

@@ -91,17 +91,12 @@ def _whole_grid(grey: Image, size: tuple[int, int]) -> FloatArray | None:
 
 
 def _find_charuco(grey: Image, board: Board) -> BoardCorners | None:
-    cv2 = opencv()
-    identifier = getattr(cv2.aruco, board.dictionary, None)
-    if not isinstance(identifier, int):
-        raise InputError(f"board: expected a dictionary of OpenCV such as DICT_4X4_50, found {board.dictionary!r}")
-    dictionary = cv2.aruco.getPredefinedDictionary(identifier)
-    charuco = cv2.aruco.CharucoBoard((board.columns, board.rows), board.spacing, board.marker, dictionary)
-    corners, identifiers, _, _ = cv2.aruco.CharucoDetector(charuco).detectBoard(grey)
-    if corners is None or len(corners) < 6:
+    from retrue.calibration.charuco import charuco_corners
+
+    found = charuco_corners(grey, board)
+    if found is None:
         return None
-    rows = np.asarray(identifiers).ravel()
-    pixels = _refined(grey, _pixels(corners))  # OpenCV 4 and 5 differ by half a pixel before this
+    rows, pixels = found
     return BoardCorners(board.points[rows], pixels, len(rows) == len(board.points))
 
 
@@ -169,10 +164,25 @@ def _why_not(grey: Image, board: Board) -> str:
         return f"board not found: the picture is too dark (brightest {high:.0f} of 255); expose longer"
     if low > 230:
         return "board not found: the picture is overexposed; expose shorter"
-    if board.kind == "chessboard" and (seen := _visible_grid(grey)) and len(seen[0]) >= SMALLEST_PART:
-        columns, rows = seen[1]
+    from retrue.calibration.charuco import markers_seen
+
+    seen = markers_seen(grey, board)
+    expected = f"{board.kind}:{size}"
+    if seen and board.kind == "charuco":
+        return f"board not found: expected {expected}, {seen}; is all of it as --board says?"
+    if seen:
+        return (
+            f"board not found: expected {expected}, but {seen}: a ChArUco board? "
+            "Say charuco:COLUMNSxROWS:SQUARE:MARKER:DICTIONARY"
+        )
+    if board.kind in ("chessboard", "charuco") and (grid := _visible_grid(grey)) and len(grid[0]) >= SMALLEST_PART:
+        columns, rows = grid[1]
+        if board.kind == "charuco":
+            return (
+                f"board not found: no marker of {expected} is seen, but {columns}x{rows} inner corners; check --board"
+            )
         return f"board not found: expected {size} inner corners, a grid of {columns}x{rows} is visible; check --board"
-    return f"board not found: expected {board.kind}:{size}; is it whole, sharp, evenly lit, with a white margin?"
+    return f"board not found: expected {expected}; is it whole, sharp, evenly lit, with a white margin?"
 
 
 def _grey(image: Image) -> Image:

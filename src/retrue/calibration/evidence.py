@@ -8,9 +8,9 @@ from typing import Any
 import numpy as np
 
 from retrue.calibration.bundle import Adjusted
-from retrue.calibration.jacobians import residuals
+from retrue.calibration.jacobians import predicted_px, residuals
 from retrue.calibration.model_terms import Choice
-from retrue.calibration.observations import View, corner_group
+from retrue.calibration.observations import View, corner_group, unknown_axes
 from retrue.calibration.uncertainty import (
     PredictedError,
     depth_spread,
@@ -64,7 +64,23 @@ def gather_evidence(
         "regions_rms_px": {name: _regions(fit, views, device) for device, name in enumerate(DEVICES)},
         "coverage": coverage,
         "board_angles_deg": normal_spread_deg(fit),
+        **_assumed(views, fixed),
         "advice": advise(fit, views, dropped, coverage),
+    }
+
+
+def _assumed(views: list[View], fixed: Sequence[bool]) -> dict[str, Any]:
+    """What a code of one coordinate does not tell; nothing of one that has both."""
+    unknown = unknown_axes(views)
+    if not unknown or fixed[1]:
+        return {}
+    axis, code = (("x", "rows"), ("y", "columns"))[unknown[0]]
+    return {
+        "one_coordinate": {
+            "decoded": code,
+            "assumed": f"of the projector, f{axis} and c{axis}, and its position along its {axis} axis: {code} do not "
+            "tell them, and reconstruct does not need them; for verify and recalibrate capture poses with both codes",
+        }
     }
 
 
@@ -128,16 +144,17 @@ def _weighed(choice: Choice) -> dict[str, Any]:
     return {"kept": list(choice.kept), "chi_square_gain": gain, "why": why}
 
 
-def _pixels(views: list[View], device: int) -> FloatArray:
+def _pixels(fit: Adjusted, views: list[View], device: int) -> FloatArray:
     patches = [view.patch_camera_px if device == 0 else view.patch_projector_px for view in views]
-    corners = [view.pixels[device][view.seen(device)] for view in views]
-    return np.concatenate([*patches, *corners])
+    corners = predicted_px(fit.setup, corner_group(views, device))
+    patches = [pixels[np.isfinite(pixels).all(axis=1)] for pixels in patches]  # of one coordinate, the corners tell
+    return np.concatenate([*patches, corners])
 
 
 def _coverage(fit: Adjusted, views: list[View], device: int) -> dict[str, Any]:
     """The share of 8 x 6 cells that the board was seen in, and the ninths of the picture that have none."""
     size = np.array(fit.setup.devices[device].size)
-    place = np.clip((_pixels(views, device) + 0.5) / size, 0, 1 - 1e-9)
+    place = np.clip((_pixels(fit, views, device) + 0.5) / size, 0, 1 - 1e-9)
     fine = len(np.unique((place * [8, 6]).astype(int) @ [1, 8]))
     seen = set(((place * 3).astype(int) @ [1, 3]).tolist())
     empty = [f"{ROW_NAMES[cell // 3]} {COLUMN_NAMES[cell % 3]}" for cell in range(9) if cell not in seen]
@@ -149,7 +166,7 @@ def _regions(fit: Adjusted, views: list[View], device: int) -> list[list[float |
     group = corner_group(views, device)
     error = residuals(fit.setup, group)
     size = np.array(fit.setup.devices[device].size)
-    column, row = (np.clip((group.pixels + 0.5) / size, 0, 1 - 1e-9) * 3).astype(int).T
+    column, row = (np.clip((predicted_px(fit.setup, group) + 0.5) / size, 0, 1 - 1e-9) * 3).astype(int).T
     cell = 3 * row + column
     ninths = [_rms(error[cell == index]) if (cell == index).any() else None for index in range(9)]
     return [ninths[row : row + 3] for row in (0, 3, 6)]

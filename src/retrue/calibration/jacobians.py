@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
 from retrue.calibration.observations import CornerObservations, Group, PlaneObservations, SceneObservations
@@ -32,7 +34,9 @@ def residuals(setup: Setup, group: Group) -> FloatArray:
         points = np.einsum("nij,nj->ni", R, _bent(setup, group.board_points)[0]) + t
         if group.device == 1:
             points = setup.second_from_first.apply(points)
-        return setup.devices[group.device].project(points) + group.device * setup.shifts[group.view] - group.pixels
+        return _known(
+            setup.devices[group.device].project(points) + group.device * setup.shifts[group.view] - group.pixels
+        )
     camera, projector = setup.devices
     rays = camera.unproject(group.camera_px)
     known = isinstance(group, PlaneObservations)
@@ -40,7 +44,7 @@ def residuals(setup: Setup, group: Group) -> FloatArray:
     points = setup.second_from_first.apply(points)
     along = _pixel_by_point(projector, points) @ setup.second_from_first.R @ _homogeneous(rays)[:, :, None]
     missed = projector.project(points) + setup.shifts[group.view] - group.projector_px
-    error = _turned_to_epipolar(along, missed[:, :, None])[:, :, 0]
+    error = _along_and_across(along, missed[:, :, None], group.projector_px)[:, :, 0]
     return error if known else error * [0, 1]
 
 
@@ -50,7 +54,9 @@ def _linearise_corners(setup: Setup, group: CornerObservations) -> tuple[FloatAr
     turned = np.einsum("nij,nj->ni", R, points)
     by_bend = R[:, :, 2:] * by_bend[:, None, :]
     by_board = np.concatenate([by_bend, -_skew(turned), np.broadcast_to(np.eye(3), R.shape)], axis=2)
-    return _through_device(setup, group.device, turned + t, by_board, group.pixels, group.view)[:2]
+    residual, jacobian, _ = _through_device(setup, group.device, turned + t, by_board, group.pixels, group.view)
+    jacobian[np.isnan(residual) & np.isnan(group.pixels)] = 0
+    return _known(residual), jacobian
 
 
 def _linearise_plane(setup: Setup, group: PlaneObservations) -> tuple[FloatArray, FloatArray]:
@@ -92,8 +98,8 @@ def _through_both(
     jacobian[:, :, setup.columns.intrinsics(0)] = by_point @ by_ray @ ray_by_intrinsics
     along = by_point @ _homogeneous(rays)[:, :, None]
     return (
-        _turned_to_epipolar(along, residual[:, :, None])[:, :, 0],
-        _turned_to_epipolar(along, jacobian),
+        _along_and_across(along, residual[:, :, None], group.projector_px)[:, :, 0],
+        _along_and_across(along, jacobian, group.projector_px),
     )
 
 
@@ -101,6 +107,15 @@ def triangulated(setup: Setup, rays: FloatArray, projector_px: FloatArray) -> Fl
     """Points (N, 3) on the first device's rays, nearest to where the second sees them."""
     depths = depths_on_rays(setup.second_from_first, rays, setup.devices[1].unproject(projector_px))
     return _homogeneous(rays) * depths[:, None]
+
+
+def on_plane_of(setup: Setup, rays: FloatArray, projector_px: FloatArray, axis: int) -> FloatArray:
+    """Points (N, 3) where the first device's rays meet the planes of the projector's columns (axis 0), or rows (1)."""
+    ray, pose = _homogeneous(rays), setup.second_from_first
+    known = setup.devices[1].unproject(projector_px)[:, axis]
+    across = known[:, None] * pose.R[2] - pose.R[axis]  # normals of those planes
+    depth = (pose.t[axis] - known * pose.t[2]) / (across * ray).sum(axis=1)
+    return ray * depth[:, None]
 
 
 def _through_device(
@@ -128,6 +143,27 @@ def _through_device(
 
 def _homogeneous(rays: FloatArray) -> FloatArray:
     return np.concatenate([rays, np.ones((len(rays), 1))], axis=1)
+
+
+def predicted_px(setup: Setup, group: CornerObservations) -> FloatArray:
+    """Pixels (N, 2) of the corners: as measured, and by the fit in the coordinate that the code has not."""
+    whole = residuals(setup, replace(group, pixels=np.zeros_like(group.pixels)))
+    return np.where(np.isnan(group.pixels), whole, group.pixels)
+
+
+def _known(error: FloatArray) -> FloatArray:
+    """Zero where nothing was measured."""
+    one = np.isnan(error).sum(axis=1, keepdims=True) == 1
+    return np.where(np.isnan(error) & one, 0.0, error)
+
+
+def _along_and_across(along: FloatArray, columns: FloatArray, measured: FloatArray) -> FloatArray:
+    """`_turned_to_epipolar`; where one coordinate alone is `measured` (N, 2), that one, and zero."""
+    turned = _turned_to_epipolar(along, columns)
+    one = np.flatnonzero(np.isnan(measured).any(axis=1))
+    turned[one, 0] = columns[one, np.isnan(measured[one, 0]).astype(np.int64)]
+    turned[one, 1] = 0
+    return turned
 
 
 def _turned_to_epipolar(along: FloatArray, columns: FloatArray) -> FloatArray:

@@ -7,6 +7,7 @@ ln(number of observations) a coefficient.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -67,14 +68,27 @@ class Choice:
     needed: float
 
 
-def fit_with_lens(setup: Setup, groups: tuple[Group, ...], fixed: tuple[bool, ...], terms: tuple[str, ...]) -> Adjusted:
-    """Bundle adjustment with these terms in every device that is not fixed, and a flat board."""
+def fit_with_lens(
+    setup: Setup,
+    groups: tuple[Group, ...],
+    fixed: tuple[bool, ...],
+    terms: tuple[str, ...],
+    unknown: Sequence[int] = (),
+) -> Adjusted:
+    """Bundle adjustment with these terms in every device that is not fixed, and a flat board.
+
+    Of the second device's `unknown` coordinates (0, x; 1, y), focal length, principal point and position are held: what
+    it sees of the other one does not depend on them, but for the middle of its lens.
+    """
     columns = setup.columns
     active = np.zeros(columns.shared, dtype=bool)
     active[columns.pose] = True
     for device in (device for device, known in enumerate(fixed) if not known):
         active[columns.pinhole(device)] = True
         active[[columns.intrinsic(device, term) for term in terms]] = True
+    for axis in unknown:
+        active[[columns.intrinsic(1, name) for name in (("fx", "cx"), ("fy", "cy"))[axis]]] = False
+        active[columns.translation.start + axis] = False
     return adjust(setup, groups, active)
 
 

@@ -18,7 +18,7 @@ class CornerObservations:
     device : 0, the first camera; or 1, the projector or second camera.
     view : (N,) index of the view, ascending.
     board_points : (N, 3) in the board's frame.
-    pixels : (N, 2) of that device.
+    pixels : (N, 2) of that device; NaN in the coordinate that its code has not.
     sigma : (N,) of each, in pixels; only ratios matter.
     """
 
@@ -31,7 +31,10 @@ class CornerObservations:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class PlaneObservations:
-    """Points somewhere on the board, seen at an exact pixel of the camera and a measured one of the projector."""
+    """Points somewhere on the board, seen at an exact pixel of the camera and a measured one of the projector.
+
+    One projector coordinate is NaN where the code has not got it.
+    """
 
     view: IntArray
     camera_px: FloatArray
@@ -61,12 +64,13 @@ class View:
     ----------
     name : of the capture, for messages.
     board_xy : (N, 2) corners in the board's frame, in its unit.
-    pixels : one (N, 2) a device, NaN where that device does not know the corner.
+    pixels : one (N, 2) a device, NaN where that device does not know the corner, or has no code of a coordinate.
     sigmas : one (N,) a device, in pixels.
     patch_camera_px, patch_projector_px, patch_sigma : (M, 2), (M, 2), (M,) means of dense points on the board.
     scene_camera_px, scene_projector_px : (L, 2) dense points around the board.
     dense_camera_px, dense_projector_px : (K, 2) dense points on the board, to judge by.
     complete : whether the whole board was found.
+    two_pictures : whether the second device's corners were found in a picture of its own, and not from dense points.
     """
 
     name: str
@@ -81,10 +85,17 @@ class View:
     dense_camera_px: FloatArray = field(default_factory=lambda: NO_PIXELS)
     dense_projector_px: FloatArray = field(default_factory=lambda: NO_PIXELS)
     complete: bool = True
+    two_pictures: bool = False
 
     def seen(self, device: int) -> IntArray:
         """Indices of the corners that a device knows."""
-        return np.flatnonzero(np.isfinite(self.pixels[device]).all(axis=1))
+        return np.flatnonzero(np.isfinite(self.pixels[device]).any(axis=1))
+
+
+def unknown_axes(views: list[View]) -> list[int]:
+    """Coordinates of the second device that no view tells: its code has columns only (1), or rows only (0)."""
+    pixels = np.concatenate([view.pixels[1] for view in views])
+    return [axis for axis in (0, 1) if not np.isfinite(pixels[:, axis]).any()]
 
 
 def corner_group(views: list[View], device: int) -> CornerObservations:
@@ -123,12 +134,13 @@ def scene_group(views: list[View]) -> SceneObservations:
 def observation_groups(views: list[View], dense: bool = True) -> tuple[Group, ...]:
     """What to fit: camera corners, and of the second device the dense points, else its corners.
 
-    Never both: a projector corner is itself computed from the dense points around it.
+    Both only of a second camera: a projector corner is itself computed from the dense points around it.
     """
     first = corner_group(views, 0)
     if len(views[0].pixels) == 1:
         return (first,)
     if not (dense and all(len(view.patch_sigma) for view in views)):
         return first, corner_group(views, 1)
-    scene = scene_group(views)
-    return (first, plane_group(views), scene) if len(scene.view) else (first, plane_group(views))
+    corners = (corner_group(views, 1),) if all(view.two_pictures for view in views) else ()
+    scene = (group,) if len((group := scene_group(views)).view) else ()
+    return (first, *corners, plane_group(views), *scene)

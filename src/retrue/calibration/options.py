@@ -20,7 +20,8 @@ class CalibrationOptions:
     view_limit
         Leave a view out if the others fit better without it by more than this factor.
     largest_error
-        Refuse when the predicted error exceeds this share of the working distance.
+        Refuse when the predicted error exceeds this share of the working distance; of a larger share where the devices
+        stand closer than half of it, and of twice that where one coordinate alone was decoded.
     largest_rms_px
         Refuse when the corners miss by more.
     """

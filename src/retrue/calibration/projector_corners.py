@@ -24,6 +24,8 @@ LARGEST_CELL = 4  # squares on a side
 WORST_CORNER_PX = 0.5  # sigma beyond which a corner tells nothing that its neighbours do not tell better
 MOST_DECODED = 25_000  # of a view: neighbours share stripe edges, so that more tell nothing new
 MODEL_PX = 0.01  # what an affine map of a cell, and the decoder's own bias, may leave beyond the scatter
+CLOSE_PX = 4.0  # of the homography of a board's points: its lenses bend less, and strays lie farther
+TRIALS, MINIMAL = 100, 6  # draws of points, each of so many, for the map of one coordinate
 KEPT_SCENE_POINTS = 120  # of a view, around the board
 KEPT_DENSE_POINTS = 4000  # of a view, to judge by
 
@@ -62,10 +64,15 @@ def fit_projector_corners(corners: BoardCorners, points: Correspondences, board:
     around = np.flatnonzero(beyond)
     around = around[:: max(1, len(around) // KEPT_SCENE_POINTS)]
     scene_camera_px, scene_projector_px = camera_px[around], projector_px[around]
+    unknown = [axis for axis in (0, 1) if axis not in points.axes]
+    if unknown:
+        scene_camera_px, scene_projector_px = np.empty((0, 2)), np.empty((0, 2))  # on a line of no known place
     rows = near[_on_board(camera_px[near], corners, board_from_camera, 1, board.spacing)]
     if len(rows) < 4 * FEWEST_IN_CELL:
         raise InputError(f"expected decoded points on the board, found {len(rows)}; does the projector light it?")
     camera_px, projector_px = camera_px[rows], projector_px[rows]
+    for axis in unknown:
+        projector_px = _stood_in_for(camera_px, projector_px, axis)
     smooth, inlier_share = _SmoothMap.fitted(camera_px, projector_px)
     if smooth is None or not inlier_share > 0.5:
         raise InputError(
@@ -86,18 +93,52 @@ def fit_projector_corners(corners: BoardCorners, points: Correspondences, board:
 
     patches = np.flatnonzero(fit.good)
     local, patch_sigma = fit.at(fit.centre[patches], patches)
+    patch_px = smooth(fit.centre[patches]) + local
+    for column in (corner_px, patch_px, projector_px):
+        column[:, unknown] = np.nan
     kept = np.flatnonzero(fit.kept)[:: -(-len(rows) // KEPT_DENSE_POINTS)]
     return ProjectorFit(
         corner_px,
         corner_sigma,
         fit.centre[patches],
-        smooth(fit.centre[patches]) + local,
+        patch_px,
         patch_sigma,
         scene_camera_px,
         scene_projector_px,
         camera_px[kept],
         projector_px[kept],
     )
+
+
+def _stood_in_for(camera_px: FloatArray, projector_px: FloatArray, axis: int) -> FloatArray:
+    """Projector pixels with a stand-in for the coordinate that the code has not, so that one map does for both.
+
+    On a plane the known one is x = (a u + b v + c) / (g u + h v + 1) of camera pixels; the stand-in is
+    (a v - b u) / (g u + h v + 1), which makes of both a homography.
+    """
+    u, v = (camera_px - camera_px.mean(axis=0)).T / max(float(camera_px.std()), 1e-9)
+    middle, spread = float(np.median(projector_px[:, 1 - axis])), max(float(projector_px[:, 1 - axis].std()), 1e-9)
+    x = (projector_px[:, 1 - axis] - middle) / spread
+    terms = np.stack([u, v, np.ones_like(u), -x * u, -x * v], axis=-1)
+
+    def missed(found: FloatArray) -> FloatArray:
+        with np.errstate(all="ignore"):
+            error = np.abs((terms[:, :3] @ found[:3]) / (1 + np.stack([u, v], axis=-1) @ found[3:]) - x)
+        return np.nan_to_num(error, nan=np.inf) * spread
+
+    def fitted(rows: IntArray) -> FloatArray:
+        return np.asarray(np.linalg.lstsq(terms[rows], x[rows], rcond=None)[0], dtype=np.float64)
+
+    rng = np.random.default_rng(0)
+    fits = [fitted(rng.choice(len(x), MINIMAL, replace=False)) for _ in range(TRIALS)]
+    found = max(fits, key=lambda fit: int((missed(fit) < CLOSE_PX).sum()))
+    for _ in range(3):
+        rows = np.flatnonzero(missed(found) < CLOSE_PX)
+        found = fitted(rows) if len(rows) >= MINIMAL else found
+    a, b, _, g, h = found
+    filled = projector_px.copy()
+    filled[:, axis] = spread * (a * v - b * u) / (1 + g * u + h * v) / max(float(np.hypot(a, b)), 1e-9)
+    return filled
 
 
 class _LocalFits:
@@ -191,7 +232,7 @@ class _SmoothMap:
         sample = np.linspace(0, len(camera_px) - 1, min(len(camera_px), 3000)).astype(int)
         camera_px, projector_px = camera_px[sample], projector_px[sample]
         cv2 = opencv()
-        homography, mask = cv2.findHomography(camera_px, projector_px, cv2.RANSAC, 4.0, maxIters=500)
+        homography, mask = cv2.findHomography(camera_px, projector_px, cv2.RANSAC, CLOSE_PX, maxIters=500)
         if homography is None:
             return None, 0.0
         inlier = mask.ravel() > 0

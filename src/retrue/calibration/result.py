@@ -10,7 +10,7 @@ import numpy as np
 
 from retrue.answers import Reason
 from retrue.calibration.bundle import Adjusted
-from retrue.calibration.jacobians import residuals
+from retrue.calibration.jacobians import predicted_px, residuals
 from retrue.calibration.observations import View, corner_group
 from retrue.geometry.arrays import FloatArray
 from retrue.geometry.transform import RigidTransform
@@ -48,12 +48,13 @@ def fitted_views(fit: Adjusted, views: list[View]) -> tuple[FittedView, ...]:
     """All views under the fit."""
     groups = [corner_group(views, device) for device in range(len(fit.setup.devices))]
     errors = [residuals(fit.setup, group) for group in groups]
+    pixels = [predicted_px(fit.setup, group) for group in groups]
     return tuple(
         FittedView(
             view.name,
             fit.setup.first_from_board[index],
             view.board_xy,
-            tuple(group.pixels[group.view == index] for group in groups),
+            tuple(shown[group.view == index] for group, shown in zip(groups, pixels, strict=True)),
             tuple(error[group.view == index] for error, group in zip(errors, groups, strict=True)),
         )
         for index, view in enumerate(views)

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from retrue.calibration.bundle import Adjusted
-from retrue.calibration.jacobians import triangulated
+from retrue.calibration.jacobians import on_plane_of, triangulated
 from retrue.calibration.setup import INTRINSICS
 from retrue.geometry.arrays import FloatArray
 from retrue.geometry.two_view import tangent_basis
@@ -30,15 +30,19 @@ class PredictedError:
     ----------
     length : RMS over the picture, in the rig's unit; of the whole vector.
     distance : for points at this depth, the middle of the captured boards.
+    allowance : how many times as much these devices may err as two that stand half of the distance apart, of both
+        coordinates. What a pixel is worth in depth grows with distance over baseline, so that devices that stand
+        closer, as pairs of cameras do, are not worse calibrated for it; one coordinate is half of what both tell.
     """
 
     length: float
     distance: float
+    allowance: float = 1.0
 
     @property
     def relative(self) -> float:
-        """Of the distance; NaN where nothing is seen by both devices."""
-        return self.length / self.distance
+        """Of the distance, over the allowance; NaN where nothing is seen by both devices."""
+        return self.length / self.distance / self.allowance
 
 
 def parameter_sigmas(fit: Adjusted) -> dict[str, dict[str, float]]:
@@ -99,6 +103,8 @@ def predicted_error(fit: Adjusted) -> PredictedError:
     setup = fit.setup
     camera, projector = setup.devices
     distance = float(np.median([pose.t[2] for pose in setup.first_from_board]))
+    unknown = ~fit.active[setup.columns.translation][:2]  # of a code of one coordinate
+    allowance = max(1.0, 0.5 * distance / float(np.linalg.norm(setup.second_from_first.t))) * (1 + unknown.any())
     x, y = np.meshgrid(*(np.linspace(0.05, 0.95, 7) * (side - 1) for side in camera.size))
     camera_px = np.stack([x.ravel(), y.ravel()], axis=-1)
     rays = camera.unproject(camera_px)
@@ -106,7 +112,7 @@ def predicted_error(fit: Adjusted) -> PredictedError:
     projector_px = projector.project(setup.second_from_first.apply(points))
     both = projector.contains(projector_px) & np.isfinite(rays).all(axis=1)
     if not both.any():
-        return PredictedError(float("nan"), distance)
+        return PredictedError(float("nan"), distance, allowance)
     camera_px, projector_px = camera_px[both], projector_px[both]
     squares = np.zeros(len(camera_px))
     values, vectors = np.linalg.eigh(fit.covariance[np.ix_(fit.active, fit.active)])
@@ -115,10 +121,14 @@ def predicted_error(fit: Adjusted) -> PredictedError:
         change[fit.active] = 1e-3 * np.sqrt(max(value, 0.0)) * vector  # small, so that the step is linear
         shifted = setup.moved(change)
         if shifted is None:
-            return PredictedError(float("nan"), distance)
-        there = triangulated(shifted, shifted.devices[0].unproject(camera_px), projector_px)
+            return PredictedError(float("nan"), distance, allowance)
+        moved = shifted.devices[0].unproject(camera_px)
+        if unknown.any():
+            there = on_plane_of(shifted, moved, projector_px, int(np.argmin(unknown)))
+        else:
+            there = triangulated(shifted, moved, projector_px)
         squares += np.sum((there - points[both]) ** 2, axis=1) / 1e-6
-    return PredictedError(float(np.sqrt(np.mean(squares))), distance)
+    return PredictedError(float(np.sqrt(np.mean(squares))), distance, allowance)
 
 
 def normal_spread_deg(fit: Adjusted) -> float:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -40,11 +40,12 @@ class BoardCapture(ByValue, ShortRepr):
 
 @dataclass(frozen=True, slots=True, eq=False, repr=False)
 class StereoCapture(ByValue, ShortRepr):
-    """One pose of the board, seen by two cameras."""
+    """One pose of the board, seen by two cameras; `points` where both saw a projected code (`match_through_code`)."""
 
     name: str
     left: Image
     right: Image
+    points: Correspondences | None = None
 
     def _shown(self) -> Shown:
         sizes = (f"{width} x {height} px" for width, height in map(picture_size, (self.left, self.right)))
@@ -125,7 +126,21 @@ def _see_stereo(capture: StereoCapture, board: Board) -> View:
     if board.kind != "charuco" and _turned_round(left_px, right_px):
         right_px = right_px[::-1]
     ones = np.ones(len(board.points))
-    return View(capture.name, board.points, (left_px, right_px), (ones, ones))
+    view = View(capture.name, board.points, (left_px, right_px), (ones, ones))
+    if capture.points is None or not len(capture.points):
+        return view
+    fit = fit_projector_corners(left, capture.points, board)
+    return replace(
+        view,
+        patch_camera_px=fit.patch_camera_px,
+        patch_projector_px=fit.patch_projector_px,
+        patch_sigma=fit.patch_sigma,
+        scene_camera_px=fit.scene_camera_px,
+        scene_projector_px=fit.scene_projector_px,
+        dense_camera_px=fit.dense_camera_px,
+        dense_projector_px=fit.dense_projector_px,
+        two_pictures=True,
+    )
 
 
 def _rows(board: Board, corners: BoardCorners) -> IntArray:

@@ -7,13 +7,14 @@ import json
 import os
 import re
 import sys
+import warnings
 from collections.abc import Sequence
 from pathlib import Path
 
 from retrue.cli.command import BAD_INPUT, OUR_FAULT, Outcome
 from retrue.cli.parsing import parse
 from retrue.cli.terminal import GREEN, RED, YELLOW, colored, terminal
-from retrue.errors import RetrueError
+from retrue.errors import RetrueError, RetrueWarning
 
 INTERRUPTED = 130  # as a shell reports SIGINT
 VERDICTS = {
@@ -39,7 +40,10 @@ def main(arguments: Sequence[str] | None = None) -> int:
     try:
         command = parse(arguments)
         terminal.start(quiet=command.quiet, verbose=command.verbose)
-        outcome = command.run()
+        with warnings.catch_warnings():
+            warnings.simplefilter("default", RetrueWarning)  # each once
+            warnings.showwarning = _note_warning
+            outcome = command.run()
         if outcome.page is not None:
             from retrue.cli.report import written_page
 
@@ -58,6 +62,12 @@ def main(arguments: Sequence[str] | None = None) -> int:
     if as_json or not command.quiet:
         _print(json.dumps(outcome.report, allow_nan=False) if as_json else _painted(outcome))
     return outcome.exit_status
+
+
+def _note_warning(message: Warning | str, category: type[Warning], *_: object) -> None:
+    """Our own warnings as notes; what others warn of is for us, and not for whoever waits for an answer."""
+    if issubclass(category, RetrueWarning):
+        terminal.note(f"note: {message}")
 
 
 def _print_anything() -> None:

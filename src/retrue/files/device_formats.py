@@ -1,4 +1,7 @@
-"""Files of one device: ROS camera_info and mrcal's cameramodel. Both put (0, 0) at a pixel centre, as we do."""
+"""Files of one device: OpenCV's calibration samples, ROS camera_info, mrcal's cameramodel.
+
+All put (0, 0) at a pixel centre, as we do.
+"""
 
 from __future__ import annotations
 
@@ -10,13 +13,49 @@ import numpy as np
 
 from retrue.errors import FileError, InputError
 from retrue.files.storage import Storage
-from retrue.files.tool_formats import trimmed
-from retrue.geometry.arrays import FloatArray
+from retrue.files.tool_formats import Role, Size, device, settled_size
+from retrue.geometry.arrays import LARGEST_SIDE, FloatArray, whole_size
 from retrue.geometry.camera import Camera
 from retrue.geometry.transform import RigidTransform, vector_from_rotation
 
+OPENCV_NAMES = (
+    ("camera_matrix", "Camera_Matrix", "cameraMatrix", "camera_Matrix", "CameraMatrix"),
+    ("distortion_coefficients", "Distortion_Coefficients", "dist_coeffs", "distCoeffs", "dist_coeff", "distortion"),
+)
+"""Of K and of the distortion: the calibration samples of OpenCV 2 to 5, its interactive tool, its tutorials."""
+OPENCV_SIZES = (
+    ("image_width", "image_height"),
+    ("image_Width", "image_Height"),
+    ("cameraResolution",),
+    ("image_size",),
+)
+
+
+def is_opencv_device(storage: Storage) -> bool:
+    """Whether this is what a calibration of one camera by OpenCV's samples leaves."""
+    return all(any(name in storage for name in names) for names in OPENCV_NAMES)
+
+
+def camera_from_opencv(storage: Storage, role: Role, size: Size | None) -> Camera:
+    """The device; `size` where the file does not say. With `fisheye_model: 1`, the distortion is OpenCV's fisheye's."""
+    K_name, distortion_name = (_first(storage, *names) for names in OPENCV_NAMES)
+    K, distortion = storage.matrix(K_name, 3, 3), storage.numbers(distortion_name)
+    names = next((names for names in OPENCV_SIZES if all(name in storage for name in names)), ())
+    stored: Size | None = None
+    if names:
+        sides = np.concatenate([storage.numbers(name) for name in names])
+        if sides.size != 2 or not ((sides == np.round(sides)) & (sides >= 1) & (sides <= LARGEST_SIDE)).all():
+            raise FileError(storage.path, f"{', '.join(names)}: expected width and height, found {sides[:4]}")
+        stored = int(sides[0]), int(sides[1])
+    size = settled_size(storage.path, "OpenCV's file of one camera", f"{role}_size", stored, size)
+    fisheye = "fisheye_model" in storage and storage.text("fisheye_model") in ("1", "true")
+    return device(storage.path, K_name, size, K, distortion, fisheye=fisheye)
+
+
 ROS_MODELS = {"plumb_bob": 5, "rational_polynomial": 8}
 """ROS's names for OpenCV's distortion, and how many coefficients each has."""
+ROS_FISHEYES = ("equidistant", "fisheye")
+"""Its names for the distortion of OpenCV's fisheye model."""
 
 
 def is_ros(storage: Storage) -> bool:
@@ -27,16 +66,19 @@ def is_ros(storage: Storage) -> bool:
 def camera_from_ros(storage: Storage) -> Camera:
     """The device; from the K and D of the raw picture, not from the rectified P."""
     model = storage.text("distortion_model")
-    if model not in ROS_MODELS:
-        raise FileError(storage.path, f"distortion_model: expected {' or '.join(ROS_MODELS)}, found {model[:40]!r}")
+    if model not in ROS_MODELS and model not in ROS_FISHEYES:
+        raise FileError(
+            storage.path, f"distortion_model: expected {', '.join((*ROS_MODELS, *ROS_FISHEYES))}, found {model[:40]!r}"
+        )
     K = storage.matrix(_first(storage, "camera_matrix", "K", "k"), 3, 3)
-    distortion = trimmed(storage.numbers(_first(storage, "distortion_coefficients", "D", "d")))
+    distortion = storage.numbers(_first(storage, "distortion_coefficients", "D", "d"))
     width = storage.vector(_first(storage, "image_width", "width"), 1)[0]
     height = storage.vector(_first(storage, "image_height", "height"), 1)[0]
     try:
-        return Camera((width, height), K, distortion)
+        size = whole_size((width, height), "size")
     except InputError as error:
         raise FileError(storage.path, str(error)) from error
+    return device(storage.path, "", size, K, distortion, fisheye=model in ROS_FISHEYES)
 
 
 def ros_text(camera: Camera, name: str) -> str:

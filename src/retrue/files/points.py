@@ -1,5 +1,7 @@
 """Correspondences as CSV: camera_x,camera_y,projector_x,projector_y, and more columns where known.
 
+Of a code of one coordinate, columns or rows, the other projector column is absent.
+
 The rasters of both devices stand before the header, `# camera_size=1280x960 projector_size=1024x768`; any other line
 that starts with # is a comment.
 """
@@ -62,14 +64,14 @@ OPTIONAL = {
 
 
 def write_points(path: str | Path, points: Correspondences) -> None:
-    """One row a point, exact to the last bit; the optional fields that the points have follow the four columns.
+    """One row a point, exact to the last bit; the optional fields that the points have follow the first columns.
 
     Their rasters stand in a first line of its own, where the points tell them.
     """
     path = require_path(path, "write_points(path, points)")
     require_points(points)
-    names: list[str] = [*REQUIRED]
-    columns = [*points.camera_px.T, *points.projector_px.T]
+    names = [*REQUIRED[:2], *(REQUIRED[2 + axis] for axis in points.axes)]
+    columns = [*points.camera_px.T, *(points.projector_px[:, axis] for axis in points.axes)]
     for name, field in OPTIONAL.items():
         values = getattr(points, name)
         if values is not None:
@@ -88,27 +90,32 @@ def write_points(path: str | Path, points: Correspondences) -> None:
 def read_points(path: str | Path) -> Correspondences:
     """Matched pixels from CSV; the order of columns is free, unknown ones are passed over.
 
+    Columns may be separated by semicolons or tabs too, and numbers then have decimal commas.
+
     Raises
     ------
     FileError : not such a file, or a row that is short, not a number, NaN, infinite or out of range: names the line.
     """
     path = require_path(path, "read_points(path)")
     sizes, names, body = _sizes_header_and_body(path)
-    missing = [name for name in REQUIRED if name not in names]
-    if missing:
+    required = [name for name in REQUIRED if name in names]
+    missing = [name for name in REQUIRED if name not in required]
+    if len(required) < 3 or missing[:1] in (["camera_x"], ["camera_y"]):
         raise FileError(path, f"expected a CSV with the header {','.join(REQUIRED)}, found no column {missing[0]}")
     fields = {name: field for name, field in OPTIONAL.items() if set(field.columns) <= set(names)}
-    wanted = [_Column(name, names.index(name), nan=False) for name in REQUIRED]
+    wanted = [_Column(name, names.index(name), nan=False) for name in required]
     wanted += [_Column(name, names.index(name), field.nan) for field in fields.values() for name in field.columns]
     table = _parse(path, body, wanted)
     optional: dict[str, Any] = {**sizes}
-    end = len(REQUIRED)
+    end = len(required)
     for name, field in fields.items():
         start, end = end, end + len(field.columns)
         values = table[:, start:end]
         _require_range(path, body, field, values)
         optional[name] = (values if len(field.columns) > 1 else values[:, 0]).astype(field.dtype)
-    return Correspondences(table[:, :2], table[:, 2:4], **optional)
+    projector_px = np.full((len(table), 2), np.nan)
+    projector_px[:, [axis for axis in range(2) if REQUIRED[2 + axis] in required]] = table[:, 2 : len(required)]
+    return Correspondences(table[:, :2], projector_px, **optional)
 
 
 def _sizes_header_and_body(path: Path) -> tuple[dict[str, tuple[int, int]], list[str], str]:
@@ -129,7 +136,25 @@ def _sizes_header_and_body(path: Path) -> tuple[dict[str, tuple[int, int]], list
     header, _, body = text[start:].partition("\n")
     if "#" in body:
         body = COMMENT.sub("", body)
-    return sizes, [name.strip() for name in header.split(",")], "\n" * lines + body
+    for separator in (";", "\t"):  # as where a comma is the decimal point
+        if separator in header:
+            header, body = (text.replace(",", ".").replace(separator, ",") for text in (header, body))
+    names = [name.strip().strip('"') for name in header.split(",")]
+    _require_no_decimal_commas(path, lines + 2, names, body)
+    return sizes, names, "\n" * lines + body
+
+
+def _require_no_decimal_commas(path: Path, number: int, names: list[str], body: str) -> None:
+    """The first row has no more columns than there are names."""
+    for line, row in enumerate(body.split("\n", 20)[:20], start=number):
+        if row.strip():
+            if len(row.rstrip(", \r").split(",")) > len(names):
+                raise FileError(
+                    path,
+                    f"line {line}: expected {len(names)} columns as in the header, found {row.count(',') + 1}; where "
+                    "numbers have decimal commas, separate columns by semicolons",
+                )
+            return
 
 
 def _sizes(path: Path, number: int, line: str) -> dict[str, tuple[int, int]]:

@@ -13,6 +13,7 @@ from typing import Literal
 import numpy as np
 
 from retrue.errors import FileError, InputError
+from retrue.files.foreign_lenses import equidistant, fitted_camera, tilted
 from retrue.files.storage import Storage, Syntax, Value
 from retrue.geometry.arrays import FloatArray
 from retrue.geometry.camera import Camera
@@ -98,24 +99,41 @@ TOOL_FORMATS = (
         camera_size=SizeEntries(("S",)),
         most_distortion=5,
     ),
+    ToolFormat("opencv-stereo", ("M1", "D1"), ("M2", "D2"), camera_size=SizeEntries(("imageSize",))),
 )
+FEWEST_MATCHING = 4
+"""Of a tool's six entries: a format is guessed only where most of them are there."""
 
 
-def recognise(storage: Storage) -> ToolFormat:
-    """The tool whose entries these are; a `FileError` says what the nearest one lacks."""
+def recognise(storage: Storage, role: Role | None = None) -> ToolFormat:
+    """The tool whose entries these are, all six or the two of one device; a `FileError` says what the nearest lacks."""
 
     def missing(tool: ToolFormat) -> list[str]:
-        needed = [(name,) for name in (*tool.camera, *tool.projector)] + [tool.R, tool.T]
+        pose = [tool.R, tool.T] if role is None else []
+        devices = {"camera": tool.camera, "projector": tool.projector}
+        names = [name for each, both in devices.items() if role in (None, each) for name in both]
+        needed = [(name,) for name in names] + pose
         return [" or ".join(names) for names in needed if not any(name in storage for name in names)]
 
     nearest = min(TOOL_FORMATS, key=lambda tool: len(missing(tool)))
     lacking = missing(nearest)
-    if len(lacking) == 6:
-        names = ", ".join(tool.name for tool in TOOL_FORMATS)
-        raise FileError(storage.path, f"expected a rig of retrue, {names}, or one device of ROS or mrcal; found none")
-    if lacking:
-        raise FileError(storage.path, f"looks like {nearest.name}, but {', '.join(lacking)} is missing")
-    return nearest
+    if not lacking:
+        return nearest
+    most = 6 - FEWEST_MATCHING if role is None else 1
+    if len(lacking) > most:
+        raise FileError(storage.path, _unknown(storage))
+    hint = ""
+    if nearest.name == "opencv-stereo":
+        hint = ": the sample writes them to two files, intrinsics and extrinsics; put both into one folder, or one file"
+    raise FileError(storage.path, f"looks like {nearest.name}, but {', '.join(lacking)} is missing{hint}")
+
+
+def _unknown(storage: Storage) -> str:
+    names = ", ".join(tool.name for tool in TOOL_FORMATS)
+    held = ", ".join(list(storage.entries)[:8])
+    return f"expected a rig of retrue, {names}, Kalibr or BoofCV, or one device of OpenCV, ROS or mrcal; found " + (
+        f"entries {held[:120]}" if held else "none"
+    )
 
 
 def rig_from_storage(
@@ -128,7 +146,7 @@ def rig_from_storage(
         if _size(storage, tool, role) is None:
             needed = {f"{role}_size": size, **needed}
     if unit is None or None in needed.values():
-        raise _asking(storage.path, tool.name, needed)
+        raise asking(storage.path, tool.name, needed)
     camera = camera_from_storage(storage, tool, "camera", camera_size)
     projector = camera_from_storage(storage, tool, "projector", projector_size)
     R = storage.matrix(next(name for name in tool.R if name in storage), 3, 3)
@@ -144,12 +162,9 @@ def camera_from_storage(storage: Storage, tool: ToolFormat, role: Role, size: Si
     K_name, distortion_name = tool.camera if role == "camera" else tool.projector
     K = storage.matrix(K_name, 3, 3)
     K[:2, 2] -= tool.first_pixel
-    distortion = trimmed(storage.numbers(distortion_name))
+    distortion = storage.numbers(distortion_name)
     size = settled_size(storage.path, tool.name, f"{role}_size", _size(storage, tool, role), size)
-    try:
-        return Camera(size, K, distortion)
-    except InputError as error:
-        raise FileError(storage.path, f"{K_name}, {distortion_name}: {error}") from error
+    return device(storage.path, f"{K_name}, {distortion_name}", size, K, distortion)
 
 
 def storage_from_rig(rig: Rig, tool: ToolFormat) -> dict[str, Value]:
@@ -174,12 +189,23 @@ def storage_from_rig(rig: Rig, tool: ToolFormat) -> dict[str, Value]:
     return entries
 
 
-def trimmed(distortion: FloatArray) -> FloatArray:
-    """Without the two tilt angles of OpenCV's fourteen coefficients where they are zero: the same lens."""
-    return distortion[:12] if len(distortion) == 14 and not distortion[12:].any() else distortion
+def device(
+    path: Path, name: str, size: Size, K: FloatArray, distortion: FloatArray, *, fisheye: bool = False
+) -> Camera:
+    """The camera of OpenCV's K and distortion; a fit of it where its terms are others than ours: fisheye, tilt."""
+    if fisheye and len(distortion) != 4:
+        raise FileError(path, f"expected four coefficients of a fisheye, found {len(distortion)}")
+    if fisheye:
+        return fitted_camera(path, name, size, K, equidistant(distortion.tolist()), "fisheye")
+    if len(distortion) == 14 and distortion[12:].any():
+        return fitted_camera(path, name, size, K, tilted(distortion), "tilted sensor", thin_prism=True)
+    try:
+        return Camera(size, K, distortion[:12] if len(distortion) == 14 else distortion)
+    except InputError as error:
+        raise FileError(path, f"{name}: {error}" if name else str(error)) from error
 
 
-def _asking(path: Path, tool: str, needed: Mapping[str, Size | str | None]) -> FileError:
+def asking(path: Path, tool: str, needed: Mapping[str, Size | str | None]) -> FileError:
     """For what the file does not hold, and nobody may invent; of `needed`, what is None has not been said."""
     lacking = ", ".join(name for name, value in needed.items() if value is None)
     flags = " ".join(_flag(name, value) for name, value in needed.items())
@@ -194,7 +220,7 @@ def _flag(name: str, value: Size | str | None) -> str:
 def settled_size(path: Path, tool: str, name: str, stored: Size | None, given: Size | None) -> Size:
     """The size that file and caller agree on; never a guess."""
     if stored is None and given is None:
-        raise _asking(path, tool, {name: None})
+        raise asking(path, tool, {name: None})
     if stored is not None and given is not None and tuple(given) != stored:
         raise FileError(path, f"{name}: the file says {stored[0]} x {stored[1]}, you say {given[0]} x {given[1]}")
     return stored or (given if given is not None else (0, 0))

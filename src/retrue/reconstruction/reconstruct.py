@@ -19,6 +19,7 @@ from retrue.reconstruction.cloud import Cloud
 from retrue.reconstruction.one_coordinate import completed_projector_px
 from retrue.reconstruction.options import ReconstructOptions
 from retrue.reconstruction.pieces import find_strays
+from retrue.reconstruction.quantised import between_readings, quantisation_px
 from retrue.reconstruction.surface_grid import surface_grid
 from retrue.rig import Rig, require_rig
 
@@ -33,7 +34,8 @@ def reconstruct(rig: Rig, points: Correspondences, options: ReconstructOptions |
     counted in `Cloud.card`; so are strays, on no surface that the capture's grid shows (`find_strays`). An error
     ALONG the epipolar line moves a point in depth: it cannot be seen but by the neighbours in such a grid.
     Where one projector coordinate is known, the camera's ray meets the plane of that column or row, and what lies
-    beyond the projector's picture is left out; no residual checks such points.
+    beyond the projector's picture is left out; no residual checks such points. Whole projector pixels, as of tools that
+    do not read finer, are noticed, and put between their neighbours within half a pixel (`Cloud.card["quantised_px"]`).
 
     Raises
     ------
@@ -54,6 +56,9 @@ def reconstruct(rig: Rig, points: Correspondences, options: ReconstructOptions |
     require_kind(options, ReconstructOptions, "options")
     if not np.linalg.norm(rig.projector_from_camera.t) > 0:
         raise DegenerateError("rig: expected a baseline, found t = 0: camera and projector coincide, so no depth")
+    steps = quantisation_px(points)
+    if any(steps):
+        points = replace(points, projector_px=between_readings(points, steps))
     checked = len(points.axes) == 2
     projector_px = points.projector_px if checked else completed_projector_px(rig, points)
     camera_rays, projector_rays, sigmas = _rays(rig, points.camera_px, projector_px)
@@ -73,6 +78,8 @@ def reconstruct(rig: Rig, points: Correspondences, options: ReconstructOptions |
         "dropped_behind_or_at_infinity": int((~in_front & ~outlier).sum()),
         "epipolar_rms_px": float(np.sqrt(np.mean(residual_px[kept] ** 2))) if checked else None,
     }
+    if any(steps):
+        card["quantised_px"] = list(steps)
     cells = None if points.cells is None else points.cells[kept]
     cloud = Cloud(X[kept], _colors(points)[kept], points.camera_px[kept], rig.unit, cells, card)
     return cloud if options.keep_strays or cells is None else _without_strays(cloud, cells)
