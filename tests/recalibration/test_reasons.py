@@ -79,6 +79,11 @@ def zoomed(factor: float, scene: Scene, **settings: Any) -> Case:
     return RIG, [capture(scene, rig=replace(RIG, camera=camera), **settings)]
 
 
+def exchanged() -> Case:
+    points = capture(WITH_SPHERE)
+    return RIG, [Correspondences(points.projector_px, points.camera_px)]
+
+
 def refocused() -> Case:
     return zoomed(1.03, CORNER)
 
@@ -95,6 +100,7 @@ CASES: dict[Callable[[], Case], type[reasons.Reason]] = {
     captures_of_two_poses: reasons.CapturesDiffer,
     two_poses_in_one_capture: reasons.PartsContradict,
     refocused: reasons.LensChanged,
+    exchanged: reasons.DevicesExchanged,
 }
 UNATTENDED = reasons.LensUnchecked
 OF_VERIFY = (reasons.PoseDrifted, reasons.PoseContradicted, reasons.RaysMiss)
@@ -108,6 +114,7 @@ ADVICE = {
     reasons.CapturesDiffer: "recalibrate on each by itself",
     reasons.PartsContradict: "did the rig move during the capture",
     reasons.LensChanged: "--lens refit",
+    reasons.DevicesExchanged: "are camera pixels first",
     reasons.LensUnchecked: "--lens fixed",
 }
 

@@ -52,6 +52,7 @@ from retrue.recalibration.posterior import (
 from retrue.recalibration.rays import Rays, rays_of_captures
 from retrue.recalibration.reasons import (
     CapturesDiffer,
+    DevicesExchanged,
     Imprecise,
     LensChanged,
     PartsContradict,
@@ -61,7 +62,8 @@ from retrue.recalibration.reasons import (
     RivalUnbeaten,
 )
 from retrue.recalibration.result import Evidence, PoseSigma, sigma_at
-from retrue.recalibration.rivals import LOUD, Rival, light_of, nearest_points, plane_levels, ranked
+from retrue.recalibration.rivals import LOUD, Rival, light_of, move_deg, nearest_points, plane_levels, ranked
+from retrue.recalibration.swapped import move_if_exchanged
 from retrue.rig import Rig
 
 COMPARED_POINTS = 1500  # enough to tell hypotheses apart; the best is then fitted to all
@@ -82,6 +84,7 @@ class Judgement:
     outside : (N,) points that the answer does not explain.
     other_part : those of them that share another pose.
     differing : the capture that is furthest from the others' pose, and by how many sigma; None of a single one.
+    exchanged : how far the rig moved, and would have if its devices were exchanged; None where that is no nearer.
     """
 
     rays: Rays
@@ -93,6 +96,7 @@ class Judgement:
     outside: BoolArray
     other_part: Part | None
     differing: tuple[int, float] | None
+    exchanged: tuple[float, float] | None
 
     @property
     def resolved_by(self) -> str:
@@ -163,7 +167,10 @@ def judge(rig: Rig, captures: Sequence[Correspondences], options: RecalibrateOpt
     part = max(
         (other for other in others if other is not None and other.count), key=lambda one: one.count, default=None
     )
-    return Judgement(rays, whole, answer, best, rivals, lens, outside, part, differing_capture(whole, rays, answer))
+    nearer = move_if_exchanged(rig, captures, answer, old, options)
+    exchanged = None if nearer is None else (move_deg(answer.pose, old), nearer)
+    differing = differing_capture(whole, rays, answer)
+    return Judgement(rays, whole, answer, best, rivals, lens, outside, part, differing, exchanged)
 
 
 def _apart(posteriors: list[Posterior], best: Posterior, part: Part | None, measured: Measured) -> list[Posterior]:
@@ -201,6 +208,8 @@ def objection(
     share = 1 - np.count_nonzero(judgement.outside) / len(judgement.outside)
     level = float(np.maximum(fit.epipolar_noise.level, fit.along_noise.level))
     lens = judgement.lens
+    if judgement.exchanged is not None:
+        return DevicesExchanged(*judgement.exchanged)
     if lens.verdict == "changed" and options.lens != "refit":
         clearest = int(np.argmax(np.abs(lens.change) / lens.sigma))
         device, what = divmod(clearest, LENS_PARAMETERS)

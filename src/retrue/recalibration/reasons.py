@@ -168,6 +168,20 @@ class CapturesDiffer(Reason):
 
 
 @dataclass(frozen=True, slots=True)
+class DevicesExchanged(Reason):
+    """Taken for each other, camera and projector moved little; as they are, far. Degrees of both."""
+
+    moved_deg: float
+    exchanged_deg: float
+
+    def __str__(self) -> str:
+        return (
+            f"camera and projector may be exchanged: as they are, the rig moved by {self.moved_deg:.0f} deg, and"
+            f" exchanged by {self.exchanged_deg:.0f}; are camera pixels first, and is it this rig's capture?"
+        )
+
+
+@dataclass(frozen=True, slots=True)
 class LensUnchecked(Reason):
     """The answer would write over a rig, and rests on a word that nobody gave."""
 

@@ -1,0 +1,61 @@
+"""Were camera and projector taken for each other? Their points then ask for a pose far off; exchanged, for one near."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from retrue.correspondences import Correspondences
+from retrue.errors import DegenerateError
+from retrue.geometry.two_view import TwoViewPose
+from retrue.recalibration.candidates import match_noise, refined_poses, starting_poses, with_planes
+from retrue.recalibration.fit import Support
+from retrue.recalibration.options import RecalibrateOptions
+from retrue.recalibration.posterior import Posterior
+from retrue.recalibration.rays import rays_of_captures
+from retrue.recalibration.rivals import move_deg
+from retrue.rig import Rig
+
+FAR_MOVE_DEG = 15.0
+NEARER = 3.0  # times, than the answer is to the old pose
+AS_WELL = 1.5  # times the noise of the answer
+ASKED_POINTS = 800
+
+
+def exchanged(capture: Correspondences) -> Correspondences:
+    """The same matches, the camera's for the projector's."""
+    return replace(
+        capture,
+        camera_px=capture.projector_px,
+        projector_px=capture.camera_px,
+        camera_sigma_px=capture.projector_sigma_px,
+        projector_sigma_px=capture.camera_sigma_px,
+        camera_size=capture.projector_size,
+        projector_size=capture.camera_size,
+    )
+
+
+def move_if_exchanged(
+    rig: Rig, captures: Sequence[Correspondences], answer: Posterior, old: TwoViewPose, options: RecalibrateOptions
+) -> float | None:
+    """How far the rig moved, degrees, if its devices were exchanged; None where that explains nothing better."""
+    moved = move_deg(answer.pose, old)
+    if not moved > FAR_MOVE_DEG:
+        return None
+    rng = np.random.default_rng(options.seed)
+    try:
+        rays = rays_of_captures(rig, [exchanged(capture) for capture in captures], ASKED_POINTS, rng)
+        rays, homographies = with_planes(rays, float(rig.projector.K[0, 0]), options, rng)
+        starts = starting_poses(rays.points, homographies, old, match_noise(rays.points, rng), rng)
+        fits = refined_poses(starts, Support.of(rays), rng)
+    except DegenerateError:
+        return None
+    explained = float(np.mean(answer.fit.explained))
+    level = AS_WELL * answer.fit.epipolar_noise.level
+    as_well = [
+        fit for fit in fits if fit.epipolar_noise.level < level and float(np.mean(fit.explained)) > 0.9 * explained
+    ]
+    nearest = min((move_deg(fit.pose, old) for fit in as_well), default=np.inf)
+    return float(nearest) if nearest * NEARER < moved else None
