@@ -60,6 +60,7 @@ from retrue.recalibration.reasons import (
     PoseUndetermined,
     Reason,
     RivalUnbeaten,
+    Undecidable,
 )
 from retrue.recalibration.result import Evidence, PoseSigma, sigma_at
 from retrue.recalibration.rivals import LOUD, Rival, light_of, move_deg, nearest_points, plane_levels, ranked
@@ -153,7 +154,11 @@ def judge(rig: Rig, captures: Sequence[Correspondences], options: RecalibrateOpt
     others = parts_apart(answer, part, whole.homography_residuals)
     for other in others:
         whole = set_aside(whole, other)
-    answer = improved(posterior_at(whole, start, prior) if others else answer, 1)  # enough to see how planes are bowed
+    answer = posterior_at(whole, start, prior) if others else answer
+    if np.count_nonzero(answer.fit.explained) < options.min_points:  # no more of them agree than chance brings together
+        share, level = float(np.mean(answer.fit.explained)), answer.fit.epipolar_noise.level
+        raise Undecidable(PointsDisagree(share, 1 - options.max_outliers, level, options.max_noise_px))
+    answer = improved(answer, 1)  # enough to see how planes are bowed
     scale = measured_scale(answer.parameters.bows.ravel(), answer.bow_information)
     whole = replace(whole, flatness=scale * whole.flatness)
     parameters = replace(answer.parameters, bows=answer.parameters.bows / scale)
