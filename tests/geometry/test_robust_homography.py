@@ -34,6 +34,26 @@ def test_wrong_matches_cost_little_more_than_their_number(count: int, wrong: flo
     assert np.sqrt(np.mean(np.square(found_error))) < 1.1 * np.sqrt(np.mean(np.square(best_error)))
 
 
+@pytest.mark.parametrize("count", [16, 20])
+def test_of_few_points_half_may_be_wrong(count: int) -> None:
+    """Neighbours tell the noise badly then; the plane whose points agree most closely is found all the same."""
+    rng = np.random.default_rng(7)
+    corners = np.array([[-0.3, -0.3], [0.3, -0.3], [0.3, 0.3], [-0.3, 0.3]])
+    astray = 0
+    for seed in range(60):
+        source = rng.uniform(-0.3, 0.3, (count, 2))
+        target = apply_homography(TRUTH, source) + rng.normal(0, 3e-4, (count, 2))
+        bad = rng.permutation(count) < count // 2
+        target[bad] = rng.uniform(-0.4, 0.6, (count // 2, 2))
+        found = fit_homography_robust(source, target, seed=seed).homography
+        oracle = fit_homography(source[~bad], target[~bad], source_sigma=0)
+        error, least = (
+            np.abs(apply_homography(H, corners) - apply_homography(TRUTH, corners)).max() for H in (found, oracle)
+        )
+        astray += not error < max(3 * least, 2e-3)
+    assert astray <= 1
+
+
 def test_exact_points_and_a_given_noise_work() -> None:
     source, _, _ = matches(30, 0, np.random.default_rng(2))
     target = apply_homography(TRUTH, source)

@@ -6,7 +6,7 @@ likelihood on what agrees. The noise need not be given: it is read off the point
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import cast
 
 import numpy as np
@@ -24,15 +24,17 @@ QUICK = 40_000  # points to map for the first of them; enough where most points 
 HYPOTHESES = 200  # at 30 % of the points on the plane, a local sample hits it in more than 1 of 20
 MOST_HYPOTHESES = 2000
 DRAWS = 256  # numbers of the counter that one hypothesis may take
-REFINED = 4  # of each lot, the best
+REFINED, FEW = 4, 800  # of each lot, the best; of few points more, as a sample is far off where it has no points
 MISSED = 1e-3  # chance that no sample was all on the plane, at which the search ends
 SEARCHED_POINTS, SCORED_POINTS = 2000, 600
+EXACT = 1e-9  # noise that is rounding, of the spread of the points
 COARSEST = 0.01  # noise that the search starts from, of the spread of the points
 NARROWER = 0.5  # of the noise that was searched with: then another plane may hold more points
 NEARLY = 0.8  # of the best plane's support; a sample with less will not surpass it once refined
 CUTOFF = 4.0  # of the noise, where a point stops to count
 REACH = 5.0  # where it stops to pull a fit that is alone: wider, as that is more efficient
 SETTLED = 0.01  # relative change of the noise
+FEW_POINTS, NARROW = 50, 0.3  # below, it is asked whether another plane holds its points so much more closely
 STEPS, FINAL_STEPS = 4, 10  # from a wide reach: near the optimum, and to it
 LARGEST_SCATTER = 0.45  # of the cutoff, RMS; points that fill the band by chance have 0.58
 NEIGHBOURS, SEEDS, TRIPLETS = 12, 64, 20
@@ -93,6 +95,25 @@ def fit_homography_robust(
     fewest = max(MINIMAL_POINTS + 1, len(source) // 4)
     spread = float(target.std(axis=0).max())
     scale = noise or min(local_noise(source, target, rng), 0.1 * spread) or 0.02 * spread
+    found = _settled_plane(source, target, scale, noise, fewest, rng)
+    if found is None:
+        raise DegenerateError(
+            f"robust homography: no plane that a quarter of the {len(source)} points agree with; are they matches?"
+        )
+    few = noise is None and len(source) < FEW_POINTS  # of few, neighbours tell the noise badly
+    while few and found.noise > EXACT * spread:
+        narrower = _settled_plane(source, target, NARROW * found.noise, NARROW * found.noise, fewest, rng)
+        if narrower is None or not _evidence(narrower, spread) > _evidence(found, spread):
+            break
+        found = _settled_plane(source, target, narrower.noise, None, fewest, rng) or narrower
+    return found
+
+
+def _settled_plane(
+    source: FloatArray, target: FloatArray, scale: float, noise: float | None, fewest: int, rng: np.random.Generator
+) -> RobustHomography | None:
+    """The largest plane at a noise to start from, and again at the one that it leaves, unless the noise is given."""
+    spread = float(target.std(axis=0).max())
     found: RobustHomography | None = None
     rounds, before, searched = 1 if noise else 4, 0.0, np.inf
     while rounds and not abs(scale - before) < SETTLED * scale:
@@ -108,14 +129,19 @@ def fit_homography_robust(
         if again is None:
             break
         found, rounds, before = again, rounds - 1, scale
-        distance = _distances(found.homography, source, target)[found.inliers]
-        freedom = np.sqrt(len(distance) / max(len(distance) - MINIMAL_POINTS, 1))
-        scale = noise or quantile(distance, 0.5) / MEDIAN_DISTANCE * freedom
-    if found is None:
-        raise DegenerateError(
-            f"robust homography: no plane that a quarter of the {len(source)} points agree with; are they matches?"
-        )
-    return RobustHomography(found.homography, found.inliers, scale)
+        scale = noise or _noise_left(found, source, target)
+    return None if found is None else replace(found, noise=scale)
+
+
+def _noise_left(found: RobustHomography, source: FloatArray, target: FloatArray) -> float:
+    distance = _distances(found.homography, source, target)[found.inliers]
+    freedom = np.sqrt(len(distance) / max(len(distance) - MINIMAL_POINTS, 1))
+    return quantile(distance, 0.5) / MEDIAN_DISTANCE * float(freedom)
+
+
+def _evidence(found: RobustHomography, spread: float) -> float:
+    """Log likelihood of the inliers, up to a constant, that the four do not count for which any homography fits."""
+    return (np.count_nonzero(found.inliers) - MINIMAL_POINTS) * float(np.log(spread / found.noise))
 
 
 def local_noise(camera_rays: FloatArray, projector_rays: FloatArray, rng: np.random.Generator) -> float:
@@ -159,7 +185,7 @@ def largest_plane(
     best = np.zeros(9) if start is None else _shifted(start, source_center, -target_center).ravel()
     score = cast("float", kernel.refine(s, d, scored, cutoff, least, STEPS, best))
     while tried < most_hypotheses:
-        hypotheses = np.zeros((REFINED, 10))
+        hypotheses = np.zeros((max(REFINED, FEW // scored), 10))
         hypotheses[:, 0] = max(score, 0.0) * (NEARLY if start is None else 1.0)
         kernel.search(s, d, scored, cutoff, state + DRAWS * tried, lot, hypotheses)
         tried, lot = tried + lot, min(HYPOTHESES, most_hypotheses - tried - lot)

@@ -13,7 +13,7 @@ from cython.cimports.libc.math import fabs, sqrt
 DEGREE = cython.declare(cython.Py_ssize_t, 10)
 STEPS = cython.declare(cython.Py_ssize_t, 60)
 SETTLED = cython.declare(cython.double, 1e-6)
-BOUND = cython.declare(cython.double, 1.1)  # roots beyond are those of the reversed polynomial; pairs are not split
+BOUND = cython.declare(cython.double, 1.1)  # roots beyond are those of the reversed polynomial
 POLISHED = cython.declare(cython.Py_ssize_t, 12)
 EXACT = cython.declare(cython.double, 1e-7)
 TOUCHES = cython.declare(cython.double, 1e-9)
@@ -198,7 +198,7 @@ def _root(
 @cython.cfunc
 @cython.nogil
 @cython.exceptval(check=False)
-def _roots(p: cython.p_double, roots: cython.p_double) -> cython.Py_ssize_t:
+def _roots(p: cython.p_double, bound: cython.double, roots: cython.p_double) -> cython.Py_ssize_t:
     """`roots` <- those up to the bound, and places that nearly are some; `p` (11, 11) begins with the coefficients."""
     cython.declare(j=cython.Py_ssize_t, k=cython.Py_ssize_t, order=cython.Py_ssize_t)
     for k in range(DEGREE):
@@ -213,10 +213,10 @@ def _roots(p: cython.p_double, roots: cython.p_double) -> cython.Py_ssize_t:
         degree: cython.Py_ssize_t = k + 1
         number: cython.Py_ssize_t = count
         count = 0
-        low = -BOUND
+        low = -bound
         before = _value(p, 11 * order, degree, low)
         for j in range(number + 1):
-            high = roots[j] if j < number else BOUND
+            high = roots[j] if j < number else bound
             after = _value(p, 11 * order, degree, high)
             if (before > 0) != (after > 0):  # `count` is not ahead of `j`: what is overwritten has been read
                 roots[count] = _root(p, order, low, high, after > 0)
@@ -318,7 +318,7 @@ def _add_essentials(
     for far in range(2):  # small roots, and the inverses of large ones
         for j in range(DEGREE + 1):
             derivatives[j] = p[DEGREE - j] if far else p[j]
-        number: cython.Py_ssize_t = _roots(derivatives, roots)
+        number: cython.Py_ssize_t = _roots(derivatives, 1 / BOUND if far else BOUND, roots)
         for k in range(number):
             z = roots[k]
             if far:

@@ -141,7 +141,7 @@ def _of_five_points(
 
     def draw(count: int) -> IntArray:
         rows = rng.integers(0, len(points), (count, 5))
-        rows[:, :3] = free[rng.integers(0, len(free), (count, 3))]
+        rows[::2, :3] = free[rng.integers(0, len(free), (len(rows[::2]), 3))]  # wrong matches lie off all planes, too
         return rows
 
     scored = rng.choice(len(points), min(SCORED_POINTS, len(points)), replace=False)
