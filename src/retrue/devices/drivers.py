@@ -100,9 +100,9 @@ def _simulated(setup: Setup, rig: Rig | None) -> LiveRig:
         settings["projector_size"] = setup.projector["size"]
     for name, sides in SIZES.items():
         if name in settings:
-            size = settings.pop(name)
+            size: object = settings.pop(name)
             if not (isinstance(size, list) and len(cast("list[Any]", size)) == 2):
-                raise InputError(f"{name}: expected [width, height], found {in_short(repr(size))}")
+                raise InputError(f"{name}: expected [width, height], found {in_short(repr(cast('object', size)))}")
             settings |= dict(zip(sides, cast("list[Any]", size), strict=True))
     options = cast("SimulatedOptions", _made(SimulatedOptions, settings, "camera"))
     if extra := sorted(setup.projector.keys() - {"driver", "size"}):
@@ -138,10 +138,10 @@ def _fitting(value: Any, hint: Any, name: str) -> Any:
     if hint == tuple[int, int] or tuple[int, int] in allowed:
         if isinstance(value, tuple) and [type(item) for item in cast("tuple[Any, ...]", value)] == [int, int]:
             return cast("tuple[int, int]", value)
-        raise InputError(f"{name}: expected [width, height], found {in_short(repr(value))}")
+        raise InputError(f"{name}: expected [width, height], found {in_short(repr(cast('object', value)))}")
     if type(value) in allowed or (type(value) is int and float in allowed):
         return value
     words = {str: "text", int: "a whole number", float: "a number", bool: "true or false"}
     raise InputError(
-        f"{name}: expected {' or '.join(words.get(kind, str(kind)) for kind in allowed)}, found {in_short(repr(value))}"
+        f"{name}: expected {' or '.join(words.get(kind, str(kind)) for kind in allowed)}, found {in_short(repr(cast('object', value)))}"
     )
