@@ -34,7 +34,8 @@ def test_bash_completes_commands_options_choices_and_files(
     *before, current = words.split(" ")
     array = " ".join(f"'{word}'" for word in (*before, current))
     line = f"COMP_WORDS=({array}); COMP_CWORD={len(before)}; COMP_LINE='{words}'; COMP_POINT={len(words)}"
-    ask = f"{script}\n{line}\n_retrue retrue '{current}' '{before[-1]}'\nprintf '%s\\n' \"${{COMPREPLY[@]}}\"\ncomplete -p retrue"
+    shown = "printf '%s\\n' \"${COMPREPLY[@]}\"\ncomplete -p retrue"
+    ask = f"{script}\n{line}\n_retrue retrue '{current}' '{before[-1]}'\n{shown}"
     done = subprocess.run(["bash", "--norc"], input=ask, capture_output=True, text=True, cwd=tmp_path, check=True)
     *found, registered = done.stdout.split("\n")[:-1]
     assert {word.strip() for word in found} - {""} == expected

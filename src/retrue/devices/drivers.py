@@ -142,6 +142,5 @@ def _fitting(value: Any, hint: Any, name: str) -> Any:
     if type(value) in allowed or (type(value) is int and float in allowed):
         return value
     words = {str: "text", int: "a whole number", float: "a number", bool: "true or false"}
-    raise InputError(
-        f"{name}: expected {' or '.join(words.get(kind, str(kind)) for kind in allowed)}, found {in_short(repr(cast('object', value)))}"
-    )
+    expected = " or ".join(words.get(kind, str(kind)) for kind in allowed)
+    raise InputError(f"{name}: expected {expected}, found {in_short(repr(cast('object', value)))}")
