@@ -9,7 +9,7 @@ PYTEST ?=  # options of pytest
 
 unexport PYTHONPATH  # what is installed is what is tried
 
-.PHONY: test static dynamic demo docs examples browser format lock wheels clean
+.PHONY: test static dynamic demo docs examples browser display format lock wheels clean
 
 # On two cores.
 test: .venv/dev.stamp .venv/run.stamp
@@ -38,6 +38,9 @@ examples: .venv/dev.stamp .venv/run.stamp
 
 browser:  # for the tests of the HTML reports and the manual, on Debian; without it they are skipped
 	command -v chromium || (apt-get update && DEBIAN_FRONTEND=noninteractive apt-get install --yes --no-install-recommends chromium)
+
+display:  # a virtual screen for the tests of the projector's window, on Debian; without it they are skipped
+	command -v Xvfb || (apt-get update && DEBIAN_FRONTEND=noninteractive apt-get install --yes --no-install-recommends xvfb libgl1 libgl1-mesa-dri)
 
 format: .venv/dev.stamp
 	$(BIN)/ruff check --fix .

@@ -13,6 +13,8 @@ import numpy as np
 
 from retrue.calibration.board import parse_board
 from retrue.correspondences import Correspondences
+from retrue.devices.drivers import make_rig
+from retrue.devices.setup import parse_setup
 from retrue.errors import RetrueError
 from retrue.files.board_captures import read_board_capture
 from retrue.files.captures import pictures_size
@@ -38,6 +40,10 @@ RIG = Rig(CAMERA, CAMERA, RigidTransform.from_rotation_vector([0, 0.1, 0], [-1.0
 SIZE = (64, 48)
 GRID = ColorGrid((100, 80), ((255, 0, 0), (0, 255, 0)), 19.0, 12.5, (10.5, 12.0), ((0, 1, 0), (1, 1, 0), (1, 0, 0)))
 BOARDS = (b"chessboard:7x9:75mm", b"charuco:8x6:30mm:22mm:DICT_4X4_50", b"asymmetric-circles:4x11:.5in")
+SETUPS = (
+    b'rig = "r.json"\n[camera]\ndriver = "opencv"\ndevice = 0\n[projector]\ndriver = "window"\nsize = [64, 48]\n',
+    b'[camera]\ndriver = "genicam"\nproducer = "p.cti"\nfps = 3.5\n[projector]\ndriver = "window"\nscreen = 1\n',
+)
 LONGEST_ERROR = 1000  # characters
 
 
@@ -94,6 +100,11 @@ def _part_seed() -> bytes:
     folder = FOLDER / "parts"
     write_part(folder, 1, 2, _history_seed().splitlines())
     return (folder / "000000001-000000002.jsonl.gz").read_bytes()
+
+
+def _read_setup(path: Path) -> object:
+    setup = parse_setup(path.read_text(errors="surrogateescape"), path)
+    return None if "simulated" in (setup.camera["driver"], setup.projector["driver"]) else make_rig(setup)
 
 
 def _read_board(path: Path) -> None:
@@ -170,5 +181,6 @@ TARGETS = {
             "state", lambda path: read_state(path, "source"), [_written(lambda p: write_state(p, WatchState("source")))]
         ),
         Target("ply", read_ply, [_mesh_seed()]),
+        Target("setup", _read_setup, SETUPS),
     )
 }

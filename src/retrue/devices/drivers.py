@@ -8,7 +8,7 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any, cast, get_args, get_type_hints
 
 from retrue.devices.protocols import CameraDriver, ProjectorDriver
-from retrue.devices.setup import Setup
+from retrue.devices.setup import Setup, in_short
 from retrue.errors import DeviceError, FileError, InputError
 from retrue.rig import Rig
 
@@ -100,13 +100,15 @@ def _simulated(setup: Setup, rig: Rig | None) -> LiveRig:
         settings["projector_size"] = setup.projector["size"]
     for name, sides in SIZES.items():
         if name in settings:
-            size = settings.pop(name)
+            size: object = settings.pop(name)
             if not (isinstance(size, list) and len(cast("list[Any]", size)) == 2):
-                raise InputError(f"{name}: expected [width, height], found {size!r}")
+                raise InputError(f"{name}: expected [width, height], found {in_short(repr(cast('object', size)))}")
             settings |= dict(zip(sides, cast("list[Any]", size), strict=True))
     options = cast("SimulatedOptions", _made(SimulatedOptions, settings, "camera"))
     if extra := sorted(setup.projector.keys() - {"driver", "size"}):
-        raise InputError(f"[projector] {extra[0]}: a simulated projector has no such setting; [camera] takes them all")
+        raise InputError(
+            f"[projector] {in_short(extra[0])}: a simulated projector has no such setting; [camera] takes them all"
+        )
     simulated = SimulatedRig(options, rig)
     return LiveRig(simulated.camera, simulated.projector, simulated)
 
@@ -121,7 +123,7 @@ def _made(kind: type, settings: Mapping[str, Any], table: str) -> object:
         if name == "driver":
             continue
         if name not in known:
-            raise InputError(f"[{table}] {name}: this driver has no such setting; it has {', '.join(known)}")
+            raise InputError(f"[{table}] {in_short(name)}: this driver has no such setting; it has {', '.join(known)}")
         values[name] = _fitting(value, hints[name], f"[{table}] {name}")
     try:
         return kind(**values)
@@ -136,8 +138,9 @@ def _fitting(value: Any, hint: Any, name: str) -> Any:
     if hint == tuple[int, int] or tuple[int, int] in allowed:
         if isinstance(value, tuple) and [type(item) for item in cast("tuple[Any, ...]", value)] == [int, int]:
             return cast("tuple[int, int]", value)
-        raise InputError(f"{name}: expected [width, height], found {value!r}")
+        raise InputError(f"{name}: expected [width, height], found {in_short(repr(cast('object', value)))}")
     if type(value) in allowed or (type(value) is int and float in allowed):
         return value
     words = {str: "text", int: "a whole number", float: "a number", bool: "true or false"}
-    raise InputError(f"{name}: expected {' or '.join(words.get(kind, str(kind)) for kind in allowed)}, found {value!r}")
+    expected = " or ".join(words.get(kind, str(kind)) for kind in allowed)
+    raise InputError(f"{name}: expected {expected}, found {in_short(repr(cast('object', value)))}")

@@ -44,8 +44,10 @@ class OpencvCamera:
     triggered: bool = field(default=False, init=False)
     _capture: Any = field(default=None, init=False)
     _thread: threading.Thread | None = field(default=None, init=False)
-    _frames: deque[CameraFrame] = field(default_factory=lambda: deque[CameraFrame](maxlen=BUFFERED), init=False)
-    _changed: threading.Condition = field(default_factory=threading.Condition, init=False)
+    _frames: deque[CameraFrame] = field(
+        default_factory=lambda: deque[CameraFrame](maxlen=BUFFERED), init=False, compare=False
+    )
+    _changed: threading.Condition = field(default_factory=threading.Condition, init=False, compare=False)
     _stop: bool = field(default=False, init=False)
 
     @property

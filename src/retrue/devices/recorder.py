@@ -4,13 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
+from itertools import pairwise
 
 import numpy as np
 
 from retrue.devices.options import RecordOptions
 from retrue.devices.protocols import CameraDriver, CameraFrame, ProjectorDriver
 from retrue.devices.references import References, band_differences, grey_levels, still_noise
-from retrue.devices.shown_pictures import Picture, black_and_white, fitting, mean_light, tag_pictures
+from retrue.devices.shown_pictures import Picture, black_and_white, fine_picture, fitting, mean_light, tag_pictures
 from retrue.devices.stream_pass import Pace, run_pass
 from retrue.errors import DeviceError
 from retrue.geometry.arrays import Image
@@ -85,6 +86,10 @@ class Recorder:
         assert self.references is not None
         tags = tuple(self._still(tag)[-1] for tag in tag_pictures(self.projector.size))
         self.references = replace(self.references, tags=tags)
+        still = self._still(fine_picture(self.projector.size))
+        excess = max(self.references.excess(one, other) for one, other in pairwise(still))
+        if excess > 1:  # a camera that compresses its pictures is noisier where there is more in them
+            self.references = self.references.louder(excess)
         self.pace = self._find_pace(self._period())
         self._timed = True
 

@@ -51,15 +51,16 @@ class References:
 
     def agree(self, one: Image, other: Image, drift: float = 0.0) -> bool:
         """Whether two frames are of one thing: no band differs by more than noise, and that share of the light."""
+        return self.excess(one, other, drift) <= 1
+
+    def excess(self, one: Image, other: Image, drift: float = 0.0) -> float:
+        """How many times as much two frames differ as two of one thing may, in the band where it is most."""
         dark, bright = self._ends
         with np.errstate(divide="ignore", invalid="ignore"):
             share = np.clip(np.nan_to_num((band_means(one) - dark) / (bright - dark)), 0, 1)
         noise = np.sqrt((1 - share) * self.black_noise**2 + share * self.white_noise**2)
-        return bool(
-            np.all(
-                band_differences(one, other) <= NOISE_FACTOR * noise + self.agree_levels + drift * np.abs(bright - dark)
-            )
-        )
+        allowed = NOISE_FACTOR * noise + self.agree_levels + drift * np.abs(bright - dark)
+        return float(np.max(band_differences(one, other) / allowed))
 
     def louder(self, factor: float) -> References:
         """The same of pictures whose noise is that many times as large."""

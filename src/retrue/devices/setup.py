@@ -10,6 +10,7 @@ from typing import Any, cast
 
 from retrue.errors import FileError
 
+LONGEST_SAID = 120  # characters
 LARGEST_SETUP = 2**20  # bytes
 CAMERA_DRIVERS = ("opencv", "genicam", "gphoto2", "picamera2", "simulated")
 PROJECTOR_DRIVERS = ("window", "simulated")
@@ -53,12 +54,12 @@ def parse_setup(text: str, path: str | Path = "setup.toml") -> Setup:
     try:
         tables = tomllib.loads(text)
     except (tomllib.TOMLDecodeError, RecursionError) as error:
-        raise FileError(path, f"not a setup, which is TOML: {error}") from error
+        raise FileError(path, f"not a setup, which is TOML: {in_short(str(error))}") from error
     if unknown := sorted(tables.keys() - {"rig", *TABLES}):
-        raise FileError(path, f"{unknown[0]}: expected rig, [camera] and [projector], and nothing else")
+        raise FileError(path, f"{in_short(unknown[0])}: expected rig, [camera] and [projector], and nothing else")
     rig = tables.get("rig")
     if rig is not None and not (isinstance(rig, str) and rig and "\0" not in rig):
-        raise FileError(path, f"rig: expected the name of the rig's file, found {rig!r}")
+        raise FileError(path, f"rig: expected the name of the rig's file, found {in_short(repr(rig))}")
     return Setup(
         camera=_table(tables, "camera", path),
         projector=_table(tables, "projector", path),
@@ -67,11 +68,23 @@ def parse_setup(text: str, path: str | Path = "setup.toml") -> Setup:
     )
 
 
+def in_short(text: str) -> str:
+    """Of what stands in a setup, as much as fits into a message of one line.
+
+    >>> in_short("a\\nb" + 200 * "c")[-10:]
+    'ccccccc...'
+    """
+    line = " ".join(text.split())
+    return line if len(line) <= LONGEST_SAID else f"{line[: LONGEST_SAID - 3]}..."
+
+
 def _table(tables: Mapping[str, Any], name: str, path: Path) -> Mapping[str, Any]:
     table = tables.get(name)
     if not isinstance(table, dict):
         raise FileError(path, f"[{name}] is missing: it says which driver to use, one of {', '.join(TABLES[name])}")
     driver = cast("dict[str, Any]", table).get("driver")
-    if driver not in TABLES[name]:
-        raise FileError(path, f"[{name}] driver: expected one of {', '.join(TABLES[name])}, found {driver!r}")
+    if not isinstance(driver, str) or driver not in TABLES[name]:
+        raise FileError(
+            path, f"[{name}] driver: expected one of {', '.join(TABLES[name])}, found {in_short(repr(driver))}"
+        )
     return cast("dict[str, Any]", table)

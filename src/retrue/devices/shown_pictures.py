@@ -42,6 +42,15 @@ def tag_pictures(size: tuple[int, int]) -> list[NDArray[np.uint8]]:
     return [np.repeat((255 * bit).astype(np.uint8)[..., None], 3, axis=2) for bit in bits]
 
 
+def fine_picture(size: tuple[int, int]) -> Picture:
+    """Black and white in blocks of all small sizes, side by side: as much as there can be in a picture."""
+    width, height = size
+    column, row = np.arange(width), np.arange(height)[:, None]
+    block = 1 + column * 8 // width
+    bit = (column // block + row // block) % 2
+    return np.repeat((255 * bit).astype(np.uint8)[..., None], 3, axis=2)
+
+
 def mean_light(picture: NDArray[np.uint8]) -> float:
     """Share, 0 to 1, of the projector's white that a picture lets out."""
     return float(picture.mean()) / 255

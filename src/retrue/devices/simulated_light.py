@@ -101,7 +101,7 @@ class Sensor:
             first = int(self._random.integers(NOISE_START))
             noise = self._noise[first : first + seen.size].reshape(seen.shape)
             spread = np.sqrt(np.clip(seen, 0, 1) / electrons + (read_noise / electrons) ** 2).astype(np.float32)
-            seen = seen + noise * spread
+            seen = np.asarray(seen + noise * spread, np.float32)
         picture = self._table[(np.clip(seen, 0, 1) * (STEPS - 1) + np.float32(0.5)).astype(np.uint16)]
         main = shown[max(within, key=lambda index: float(shares[index].sum()))].picture
         own = [shares[index] for index in within if np.array_equal(shown[index].picture, main)]

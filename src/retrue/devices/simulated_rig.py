@@ -77,8 +77,7 @@ class SimulatedRig:
         self.projector = SimulatedProjector(self)
         self._random = np.random.default_rng(self.options.seed)
         self._lock = threading.RLock()
-        self._now = 0.0
-        self._began = time.monotonic()
+        self._now = self._began = time.monotonic() if self.options.real_time else 0.0
         self._world, self._sensor = SimulatedLight(self.true_rig, self.options), Sensor(self.options)
         black = np.zeros((self.options.projector_height, self.options.projector_width, 3), np.uint8)
         self._shown: deque[Exposed] = deque([Exposed(-np.inf, black, self._world)], REMEMBERED)
@@ -101,7 +100,7 @@ class SimulatedRig:
 
     def now(self) -> float:
         """Seconds, on the clock of both devices."""
-        return time.monotonic() - self._began if self.options.real_time else self._now
+        return time.monotonic() if self.options.real_time else self._now
 
     def show(self, picture: NDArray[np.uint8], at: float) -> float:
         """On the screen from its next refresh at or after that time."""
@@ -124,7 +123,7 @@ class SimulatedRig:
             with self._lock:
                 period = 1 / self.options.fps
                 number, self._number = self._number, self._number + 1
-                start = number * period
+                start = self._began + number * period
                 exposure = min(self.options.exposure_ms / 1000, period)
                 end = start + self.options.readout * period + exposure
                 late = self.options.lag_frames + int(self._random.integers(0, self.options.lag_jitter_frames + 1))

@@ -96,7 +96,7 @@ class _Pass:
         self._frames.append(frame)
         turn = len(self._shown_at)
         if turn < len(self._shown) and (turn == 0 or frame.number >= self._shown_at[-1] + self._pace.hold):
-            self._projector.show(self._shown[turn], frame.at + self._pace.delay * self._pace.period)
+            self._projector.show(self._shown[turn], frame.due + self._pace.delay * self._pace.period)
             self._shown_at.append(frame.number)
         return frame
 

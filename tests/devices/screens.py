@@ -1,0 +1,67 @@
+"""Virtual screens: an X server that draws into memory, whose pixels can be read."""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import shutil
+import struct
+import subprocess
+import time
+from collections.abc import Generator
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+needs_screen = pytest.mark.skipif(shutil.which("Xvfb") is None, reason="no virtual screen: make display")
+
+
+@contextlib.contextmanager
+def virtual_screen(folder: Path, size: tuple[int, int]) -> Generator[VirtualScreen]:
+    """A display of its own, named in DISPLAY until the block ends."""
+    reading, writing = os.pipe()
+    screen = [f"{size[0]}x{size[1]}x24", "-fbdir", str(folder), "-nolisten", "tcp"]
+    server = subprocess.Popen(
+        ["Xvfb", "-displayfd", str(writing), "-screen", "0", *screen], pass_fds=[writing], stderr=subprocess.DEVNULL
+    )
+    os.close(writing)
+    with os.fdopen(reading) as stream:
+        display = f":{stream.readline().strip()}"
+    before = {name: os.environ.get(name) for name in ("DISPLAY", "WAYLAND_DISPLAY", "XDG_SESSION_TYPE")}
+    os.environ["DISPLAY"] = display
+    for name in ("WAYLAND_DISPLAY", "XDG_SESSION_TYPE"):
+        os.environ.pop(name, None)
+    try:
+        yield VirtualScreen(server, folder / "Xvfb_screen0")
+    finally:
+        server.terminate()
+        server.wait()
+        for name, value in before.items():
+            os.environ.pop(name, None)
+            if value is not None:
+                os.environ[name] = value
+
+
+class VirtualScreen:
+    """What is on it, from the picture (XWD) that the server keeps in a file."""
+
+    def __init__(self, server: subprocess.Popen[bytes], path: Path) -> None:
+        self.server, self._path = server, path
+
+    def pixels(self) -> np.ndarray:
+        """(h, w, 3), red green blue."""
+        content = self._path.read_bytes()
+        head = struct.unpack(">25I", content[:100])
+        start, width, height, stride = head[0] + 12 * head[19], head[4], head[5], head[12]
+        rows = np.frombuffer(content, np.uint8, stride * height, start).reshape(height, stride)
+        return rows[:, : 4 * width].reshape(height, width, 4)[..., 2::-1]
+
+    def shows(self, picture: np.ndarray, patience: float = 10.0) -> bool:
+        """Whether it comes to show exactly that."""
+        end = time.monotonic() + patience
+        while not np.array_equal(self.pixels(), picture):
+            if time.monotonic() > end:
+                return False
+            time.sleep(0.02)
+        return True

@@ -1,0 +1,76 @@
+"""The projector's window, on a virtual screen: every pixel is the picture's, or it says why not."""
+
+from __future__ import annotations
+
+import contextlib
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from retrue.devices.window_projector import WindowProjector
+from retrue.errors import DeviceError
+from retrue.patterns.color_grid import make_color_grid
+from tests.devices.screens import needs_screen, virtual_screen
+
+pytestmark = needs_screen
+SIZE = (800, 600)
+
+
+def test_the_screen_is_the_picture_byte_for_byte(tmp_path: Path):
+    with virtual_screen(tmp_path, SIZE) as screen, contextlib.closing(WindowProjector(0, SIZE)) as window:
+        window.open()
+        assert window.size == SIZE
+        assert screen.shows(np.zeros((600, 800, 3), np.uint8))
+        for seed in range(3):
+            noise = np.random.default_rng(seed).integers(0, 256, (600, 800, 3), dtype=np.uint8)
+            window.show(noise)
+            assert screen.shows(noise)
+        grid = make_color_grid(SIZE).render()
+        window.show(grid)
+        assert screen.shows(grid)
+
+
+def test_a_screen_of_another_size_or_number_is_refused(tmp_path: Path):
+    with virtual_screen(tmp_path, SIZE):
+        with pytest.raises(
+            DeviceError, match=r"^screen 0: expected 1024 x 768 pixels, found 800 x 600: set the screen"
+        ):
+            WindowProjector(0, (1024, 768)).open()
+        with pytest.raises(DeviceError, match=r"^screen 1: there is no such screen, found 1, numbered 0 to 0"):
+            WindowProjector(1).open()
+        with contextlib.closing(WindowProjector(0)) as window:  # as soon as it is there, it goes on
+            window.open()
+            assert window.size == SIZE
+
+
+def test_no_display_is_one_sentence(monkeypatch: pytest.MonkeyPatch):
+    for name in ("DISPLAY", "WAYLAND_DISPLAY"):
+        monkeypatch.delenv(name, raising=False)
+    with pytest.raises(DeviceError, match=r"^screen 0: there is no display: log in to a desktop, or set DISPLAY"):
+        WindowProjector(0).open()
+
+
+def test_project_shows_each_picture_for_its_time_and_ends(tmp_path: Path):
+    from retrue.files.images import write_png
+
+    pictures = np.random.default_rng(1).integers(0, 256, (2, 600, 800, 3), dtype=np.uint8)
+    for number, picture in enumerate(pictures):
+        write_png(tmp_path / f"{number}.png", picture)
+    write_png(tmp_path / "small.png", pictures[0][:300])
+    words = ["-c", "from retrue.cli.main import main; import sys; sys.exit(main())", "project", "--screen", "0"]
+    with virtual_screen(tmp_path, SIZE) as screen:
+        shown = ["0.png", "1.png", "--seconds", "1.5"]
+        with subprocess.Popen([sys.executable, *words, *shown], cwd=tmp_path, stdout=subprocess.PIPE, text=True) as run:
+            try:
+                assert screen.shows(pictures[0], patience=30.0)
+                assert screen.shows(pictures[1])
+                assert run.communicate(timeout=30)[0] == "ended\n"
+                assert run.returncode == 0
+            finally:
+                run.kill()
+        done = subprocess.run([sys.executable, *words, "small.png"], cwd=tmp_path, capture_output=True, text=True)
+        assert done.returncode == 2
+        assert "small.png: expected 800 x 600 pixels for screen 0, found 800 x 300" in done.stderr
