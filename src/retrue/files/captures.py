@@ -73,13 +73,12 @@ def _read_sequence(path: Path, pattern: Pattern | None) -> tuple[Correspondences
         raise CaptureError(path, "a folder of pictures needs the pattern that they show: give --pattern P.json")
     if isinstance(pattern, ColorGrid):
         raise CaptureError(path, "a folder of pictures is a sequence, but the pattern is a colour grid")
-    from retrue.decoding.sequence.arrange import arrange
-    from retrue.decoding.sequence.decode_sequence import decode_arranged
+    from retrue.decoding.sequence.decode_sequence import decode_pictures
 
     images, paths = read_folder(path, color=_in_color(path, pattern))
     try:
-        sequence = arrange(pattern, images, [entry.name for entry in paths])
-        return decode_arranged(sequence), sequence.color
+        points, sequence = decode_pictures(pattern, images, [entry.name for entry in paths])
+        return points, sequence.color
     except CaptureError as error:
         raise CaptureError(path, error.problem) from error
 
