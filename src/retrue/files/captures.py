@@ -70,9 +70,13 @@ def pictures_size(path: Path) -> tuple[int, int] | None:
 def _read_sequence(path: Path, pattern: Pattern | None) -> tuple[Correspondences, Image]:
     """The points, and the scene in white light."""
     if pattern is None:
-        raise CaptureError(path, "a folder of pictures needs the pattern that they show: give --pattern P.json")
+        raise CaptureError(
+            path, f"a folder of pictures needs the pattern that they show: give --pattern P.json; {_seems(path)}"
+        )
     if isinstance(pattern, ColorGrid):
-        raise CaptureError(path, "a folder of pictures is a sequence, but the pattern is a colour grid")
+        raise CaptureError(
+            path, f"a folder of pictures is a sequence, but the pattern is a colour grid; {_seems(path)}"
+        )
     from retrue.decoding.sequence.decode_sequence import decode_pictures
 
     images, paths = read_folder(path, color=_in_color(path, pattern))
@@ -81,6 +85,13 @@ def _read_sequence(path: Path, pattern: Pattern | None) -> tuple[Correspondences
         return points, sequence.color
     except CaptureError as error:
         raise CaptureError(path, error.problem) from error
+
+
+def _seems(path: Path) -> str:
+    """What the pictures of a folder look like."""
+    from retrue.decoding.sequence.diagnosis import looks_like
+
+    return f"it holds {looks_like(read_folder(path)[0])}"
 
 
 def _in_color(path: Path, pattern: GrayCode | FrameSequence) -> list[int]:

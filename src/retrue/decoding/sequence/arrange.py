@@ -74,7 +74,10 @@ def arrange(pattern: GrayCode | FrameSequence, images: Sequence[Image], names: S
         order = _order(spec.files, names)
         images, names = [images[index] for index in order], [names[index] for index in order]
     if len(images) != spec.picture_count:
-        raise CaptureError(CAPTURE, f"expected {_asked(spec)}, found {len(images)} pictures")
+        from retrue.decoding.sequence.diagnosis import looks_like
+
+        seen = looks_like(images, spec.projector_size)
+        raise CaptureError(CAPTURE, f"expected {_asked(spec)}, found {seen}")
     grey = [_grey(image) for image in images]
     require_light(grey)
     white, black, color = scene_lights(spec, images, grey)
