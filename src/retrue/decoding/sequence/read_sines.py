@@ -254,11 +254,10 @@ def _bend(read: Sequence[_AxisReading], sines: Sequence[Sine]) -> Bend:
         left = missed - coefficients @ terms
         scatter = MAD_TO_SIGMA * float(np.median(np.abs(left)))
         inlier = (np.abs(left) <= 3 * scatter) * weight
-        weighted = terms * inlier
-        normal = weighted @ weighted.T
-        coefficients = np.linalg.solve(
-            normal + RIDGE * np.trace(normal) * np.eye(len(terms)), weighted @ (missed * inlier)
-        )
+        weighted: FloatArray = terms * inlier
+        normal: FloatArray = weighted @ weighted.T
+        steady: FloatArray = RIDGE * float(np.sum(np.diagonal(normal))) * np.eye(len(terms))
+        coefficients = np.asarray(np.linalg.solve(normal + steady, weighted @ (missed * inlier)), np.float64)
     left = missed - coefficients @ terms
     excess = (MAD_TO_SIGMA * float(np.median(np.abs(left)))) ** 2 - float(np.median(allowed))
     return Bend(coefficients, max(excess, 0.0))
