@@ -92,3 +92,22 @@ def _points_at(camera: Camera, distance: float) -> FloatArray:
     rays = camera.unproject(np.column_stack([across.ravel(), down.ravel()]))
     rays = rays[np.isfinite(rays).all(axis=1)]
     return np.column_stack([rays, np.ones(len(rays))]) * distance
+
+
+def magnification(rig: Rig, distance: float) -> float:
+    """Camera pixels that a projector pixel covers on a surface at that distance in front of the camera.
+
+    Of the focal lengths over the depths, on the camera's axis.
+
+    >>> from retrue.geometry.transform import RigidTransform
+    >>> camera = Camera((640, 480), [[800, 0, 320], [0, 800, 240], [0, 0, 1]])
+    >>> magnification(Rig(camera, camera, RigidTransform(np.eye(3), [-100.0, 0, 500.0])), 1000.0)
+    1.5
+    """
+    if not distance > 0:
+        raise InputError(f"distance: expected more than 0, found {distance:g}")
+    depth = float(rig.projector_from_camera.apply(np.array([0.0, 0.0, distance]))[2])
+    if not depth > 0:
+        raise InputError(f"distance: the projector does not see what is {distance:g} {rig.unit} before the camera")
+    camera, projector = (float(np.sqrt(device.K[0, 0] * device.K[1, 1])) for device in (rig.camera, rig.projector))
+    return camera * depth / (projector * distance)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from itertools import pairwise
+
 import numpy as np
 import pytest
 
@@ -65,10 +67,9 @@ def test_all_frames_black(pictures):
     assert "nothing is lit" in problem([pictures[-1]] * len(pictures))
 
 
-def test_swapped_white_and_black(pictures):
-    message = problem([*pictures[:-2], pictures[-1], pictures[-2]])
-    assert "white and black are swapped" in message
-    assert f"{NAMES[-2]} is darker than {NAMES[-1]}" in message
+def test_swapped_white_and_black(plain_shot, pictures):
+    said = read_all_the_same(plain_shot, [*pictures[:-2], pictures[-1], pictures[-2]])
+    assert "white and black are exchanged" in said
 
 
 @pytest.mark.parametrize("pair", [1, 3, 6, 8, 13])
@@ -78,9 +79,70 @@ def test_swapped_pattern_and_inverse(pictures, pair):
     assert f"swapped: {NAMES[first]} and {NAMES[first + 1]}" in problem(pictures)
 
 
-def test_every_inverse_first(pictures):
+def test_every_inverse_first(plain_shot, pictures):
     bits = [picture for pair in range(14) for picture in (pictures[2 * pair + 1], pictures[2 * pair])]
-    assert "not in order" in problem([*bits, *pictures[-2:]])
+    assert "inverses come before patterns" in read_all_the_same(plain_shot, [*bits, *pictures[-2:]])
+
+
+def test_rows_first(plain_shot, pictures):
+    said = read_all_the_same(plain_shot, [*pictures[14:28], *pictures[:14], *pictures[28:]])
+    assert "row pictures come before the column pictures" in said
+
+
+def test_least_significant_bits_first(plain_shot, pictures):
+    axes = [[pictures[first + 2 * bit + kind] for bit in reversed(range(7)) for kind in range(2)] for first in (0, 14)]
+    said = read_all_the_same(plain_shot, [*axes[0], *axes[1], *pictures[-2:]])
+    assert "least significant bits come first" in said
+
+
+@pytest.mark.parametrize("late", [1, 2, 3])
+def test_a_camera_that_is_late(plain_shot, pictures, late):
+    said = read_all_the_same(plain_shot, [*[pictures[-1]] * late, *pictures[:-late]])
+    assert f"late by {late}" in said
+
+
+@pytest.mark.parametrize("share", [0.15, 0.3])
+def test_a_share_of_the_picture_before(plain_shot, pictures, share):
+    mixed = [pictures[0]]
+    for before, picture in pairwise(pictures):
+        mixed.append(np.rint(share * before + (1 - share) * picture.astype(float)).astype(np.uint8))
+    assert f"holds {100 * share:.0f} % of the one before it" in read_all_the_same(plain_shot, mixed)
+
+
+def test_automatic_exposure(plain_shot, pictures):
+    exposed = [
+        np.clip(np.rint(picture * min(60 / max(picture[:, :100].mean(), 1), 4.0)), 0, 255).astype(np.uint8)
+        for picture in pictures
+    ]
+    assert "switch automatic exposure off" in read_all_the_same(plain_shot, exposed)
+
+
+def test_a_late_camera_and_rows_first_and_automatic_exposure(plain_shot, pictures):
+    order = [*pictures[14:28], *pictures[:14], *pictures[28:]]
+    order = [pictures[-1], *order[:-1]]
+    exposed = [np.rint(picture * (0.7 + 0.3 * (k % 5) / 4)).astype(np.uint8) for k, picture in enumerate(order)]
+    said = read_all_the_same(plain_shot, exposed)
+    assert "row pictures" in said
+    assert "late by 1" in said
+    assert "brightness changes" in said
+
+
+def test_a_mirrored_projection_is_told(plain_shot, pictures):
+    points = decode(PATTERN, [picture[:, ::-1] for picture in pictures])
+    assert points.card.details["mirrored"]
+    assert "mirrored" in points.card.advice[0]
+    assert "mirrored" not in decode(PATTERN, pictures).card.details
+
+
+def read_all_the_same(shot, pictures):
+    """What the card says of a capture that is read, rightly."""
+    points = decode(PATTERN, pictures, names=NAMES)
+    off = points.projector_px - shot.truth(points.camera_px)
+    assert len(points) > 0.85 * 240 * 180
+    assert np.abs(off).max() < 1
+    assert points.card.advice[0].startswith("read all the same: ")
+    assert points.card.details["read_all_the_same"]
+    return points.card.advice[0]
 
 
 def test_least_significant_bit_first(pictures):

@@ -199,3 +199,13 @@ def test_the_number_of_pictures_is_told():
     pattern = layout_sequence("slstudio-2x3", SIZE)
     with pytest.raises(CaptureError, match=r"expected 12 pictures of the layout slstudio-2x3 \(12 of sines\), found 5"):
         decode(pattern, [np.zeros((10, 10), np.uint8)] * 5)
+
+
+@pytest.mark.parametrize(
+    ("layout", "says"), [("slstudio-2x3", "12 pictures, sinusoidal"), ("sltk", "18 pictures, bright or dark")]
+)
+def test_pictures_of_another_pattern_are_described(layout, says):
+    shown = layout_sequence(layout, SIZE) if layout != "sltk" else layout_sequence(layout, (512, 384), ["column"])
+    shot = shot_of(shown.frames)
+    with pytest.raises(CaptureError, match=rf"found {says}.*{layout}"):
+        decode(layout_sequence("slstudio-gray", SIZE), shot.pictures)

@@ -74,16 +74,17 @@ def pictures_size(path: Path) -> tuple[int, int] | None:
 def _read_sequence(path: Path, pattern: Pattern | None) -> tuple[Correspondences, Image]:
     """The points, and the scene in white light."""
     if pattern is None:
-        raise CaptureError(path, "a folder of pictures needs the pattern that they show: give --pattern P.json")
+        raise CaptureError(
+            path, f"a folder of pictures needs the pattern that they show: give --pattern P.json; {_seems(path)}"
+        )
     if isinstance(pattern, ColorGrid):
         return _read_grid_folder(path, pattern)
-    from retrue.decoding.sequence.arrange import arrange
-    from retrue.decoding.sequence.decode_sequence import decode_arranged
+    from retrue.decoding.sequence.decode_sequence import decode_pictures
 
     images, paths = read_folder(path, color=_in_color(path, pattern))
     try:
-        sequence = arrange(pattern, images, [entry.name for entry in paths])
-        return decode_arranged(sequence), sequence.color
+        points, sequence = decode_pictures(pattern, images, [entry.name for entry in paths])
+        return points, sequence.color
     except CaptureError as error:
         raise CaptureError(path, error.problem) from error
 
@@ -97,13 +98,20 @@ def _read_grid_folder(path: Path, pattern: ColorGrid) -> tuple[Correspondences, 
         raise CaptureError(
             path,
             "the pattern is a colour grid, whose folder holds grid.png, white.png and black.png: "
-            f"{missing[0]}.png is missing",
+            f"{missing[0]}.png is missing; {_seems(path)}",
         )
     grid, white, black = (read_image(named[name]) for name in GRID_PICTURES)
     for name, image in (("white", white), ("black", black)):
         if image.shape != grid.shape:
             raise CaptureError(path, f"{name}.png is not of the size and kind of grid.png: take the capture again")
     return decode_color_grid(pattern, grid, black, white), grid
+
+
+def _seems(path: Path) -> str:
+    """What the pictures of a folder look like."""
+    from retrue.decoding.sequence.diagnosis import looks_like
+
+    return f"it holds {looks_like(read_folder(path)[0])}"
 
 
 def _in_color(path: Path, pattern: GrayCode | FrameSequence) -> list[int]:

@@ -24,6 +24,7 @@ PAPER_COLORS = (
 """Red, green, blue, white, cyan, magenta, yellow: the seven of Zhang, Li, Wu 2007."""
 
 FEWEST_WITH_LONELY_WHITE = 5  # colours: of fewer, too few choices would be left
+BLOCK_IN_CAMERA_PX = 9.4  # a side of 7 to 12 is read best
 BLOCK_SHARE = 0.63  # of the pitch: the rest is gap, wide enough to keep the blocks apart when out of focus
 
 
@@ -102,6 +103,28 @@ class ColorGrid(ShortRepr):
             f"{self.pitch:g} px, {len(self.colors)} colors{apart}",
             {},
         )
+
+
+def grid_for_camera(projector_size: tuple[int, int], magnification: float) -> ColorGrid:
+    """A colour grid over all of the projector's picture, whose blocks a camera sees BLOCK_IN_CAMERA_PX wide.
+
+    Below some 7 camera pixels blocks run into each other; above 12 fewer fit in than could.
+
+    Parameters
+    ----------
+    magnification : camera pixels that a projector pixel covers on the scene.
+
+    >>> grid_for_camera((1024, 768), 640 / 1024).block
+    15
+    """
+    if not magnification > 0:
+        raise InputError(f"magnification: expected camera pixels a projector pixel, found {magnification}")
+    block = max(round(BLOCK_IN_CAMERA_PX / magnification), 1)
+    pitch = max(round(block / BLOCK_SHARE), block + 1)
+    columns, rows = ((side - block) // pitch + 1 for side in projector_size)
+    if not min(columns, rows) >= 3:
+        raise InputError(f"color grid: blocks of {block} px leave room for {columns} x {rows}: move the camera closer")
+    return make_color_grid(projector_size, rows, columns, pitch=pitch, block=block)
 
 
 def make_color_grid(

@@ -62,6 +62,15 @@ class GraySequence:
     white: Image
     black: Image
 
+    def part(self, rows: slice, columns: slice) -> GraySequence:
+        """The same rows and columns of every picture."""
+
+        def cut(axes: tuple[list[Image], ...]) -> tuple[list[Image], ...]:
+            return tuple([image[rows, columns] for image in images] for images in axes)
+
+        white, black = self.white[rows, columns], self.black[rows, columns]
+        return replace(self, patterns=cut(self.patterns), inverses=cut(self.inverses), white=white, black=black)
+
     def coarser(self) -> GraySequence | None:
         """Without the finest bit of each axis, as stripes of twice the width; None where few bits are left."""
         if min(len(patterns) for patterns in self.patterns) <= FEWEST_BITS:

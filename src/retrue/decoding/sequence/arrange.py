@@ -21,7 +21,7 @@ from retrue.errors import CaptureError, InputError
 from retrue.geometry.arrays import Image
 from retrue.patterns.gray_code import GrayCode
 from retrue.patterns.layouts import as_captured, sequence_of
-from retrue.patterns.sequence import FrameSequence
+from retrue.patterns.sequence import Frame, FrameSequence
 
 COARSE_BITS = 2
 """Of each axis: their patterns and inverses show every pixel lit and dark."""
@@ -74,11 +74,28 @@ def arrange(pattern: GrayCode | FrameSequence, images: Sequence[Image], names: S
         order = _order(spec.files, names)
         images, names = [images[index] for index in order], [names[index] for index in order]
     if len(images) != spec.picture_count:
-        raise CaptureError(CAPTURE, f"expected {_asked(spec)}, found {len(images)} pictures")
+        from retrue.decoding.sequence.diagnosis import looks_like
+
+        seen = looks_like(images, spec.projector_size)
+        raise CaptureError(CAPTURE, f"expected {_asked(spec)}, found {seen}")
     grey = [_grey(image) for image in images]
     require_light(grey)
-    white, black, color = _lights(spec, images, grey)
+    white, black, color = scene_lights(spec, images, grey)
     return ArrangedSequence(spec, grey, list(names), white, black, color)
+
+
+def frames_of(pattern: GrayCode | FrameSequence, count: int) -> tuple[Frame, ...] | None:
+    """What so many pictures are expected to show, in order; None where another number is expected."""
+    if isinstance(pattern, GrayCode):
+        frames = sequence_of(pattern).frames
+        return frames if count == len(frames) else frames[:-2] if count == len(frames) - 2 else None
+    spec = as_captured(pattern, count)
+    return spec.frames if count == spec.picture_count else None
+
+
+def grey_pictures(images: Sequence[Image]) -> list[Image]:
+    """All pictures without colour."""
+    return [_grey(image) for image in images]
 
 
 def _arrange_gray_code(pattern: GrayCode, images: Sequence[Image], names: Sequence[str]) -> ArrangedSequence:
@@ -95,11 +112,11 @@ def _arrange_gray_code(pattern: GrayCode, images: Sequence[Image], names: Sequen
     pairs, ends = spec.frames[:-2], spec.frames[-2:]
     frames = pairs if len(grey) == 2 * pair_count else (*ends, *pairs) if first else spec.frames
     spec = replace(spec, frames=frames)
-    white, black, color = _lights(spec, images, grey)
+    white, black, color = scene_lights(spec, images, grey)
     return ArrangedSequence(spec, grey, list(names), white, black, color, thorough=False)
 
 
-def _lights(spec: FrameSequence, images: Sequence[Image], grey: Sequence[Image]) -> tuple[Image, Image, Image]:
+def scene_lights(spec: FrameSequence, images: Sequence[Image], grey: Sequence[Image]) -> tuple[Image, Image, Image]:
     """White, black and the white picture in colour."""
     codes = [frame.code for frame in spec.frames]
     gray = _coarse(spec, grey)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -23,6 +23,10 @@ from retrue.geometry.arrays import FloatArray, Image
 from retrue.patterns.gray_code import GrayCode
 from retrue.patterns.sequence import FrameSequence
 
+MIRRORED = "the projector's picture is mirrored (rear projection, or a mirror?): switch that off in its menu"
+FEWEST_TO_TELL_SIDES, MOST_TO_TELL_SIDES = 100, 20_000
+LEAST_SINE = 0.1
+"""Of the angle between the two axes of the projector, as the camera sees them."""
 REASONS = {**GRAY_REASONS, **SINE_REASONS}
 
 
@@ -50,7 +54,44 @@ def decode_sequence(
         the projector; names the picture.
     """
     names = names or [f"picture {index + 1}" for index in range(len(images))]
-    return decode_arranged(arrange(pattern, images, names))
+    return decode_pictures(pattern, images, names)[0]
+
+
+def decode_pictures(
+    pattern: GrayCode | FrameSequence, images: Sequence[Image], names: Sequence[str]
+) -> tuple[Correspondences, ArrangedSequence]:
+    """The same, with the pictures as they were understood.
+
+    Pictures that do not decode are asked what happened to them. Where they can be read all the same they are, and the
+    card says so; else the error says what happened.
+    """
+    try:
+        sequence = arrange(pattern, images, names)
+        return decode_arranged(sequence), sequence
+    except CaptureError as error:
+        if len({image.shape[:2] for image in images}) != 1 or len({image.dtype for image in images}) != 1:
+            raise
+        from retrue.decoding.sequence.diagnosis import diagnose
+
+        found = diagnose(pattern, images, names)
+        if found is None:
+            raise
+        what = "; ".join(found.causes)
+        if found.sequence is None:
+            raise CaptureError(CAPTURE, what) from error
+        try:
+            points = decode_arranged(found.sequence)
+        except CaptureError as still:
+            if not {"gain_spread", "share_of_picture_before"} & set(found.figures):
+                raise error from None  # another order that does not decode explains nothing
+            raise CaptureError(CAPTURE, f"{what}; read so, {still.problem}") from error
+        assert points.card is not None
+        card = replace(
+            points.card,
+            advice=(f"read all the same: {what}", *points.card.advice),
+            details={**points.card.details, "read_all_the_same": list(found.causes), **found.figures},
+        )
+        return replace(points, card=card), found.sequence
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -148,14 +189,16 @@ def _assemble(
         projector_sigma_px=sigma_px,
         colors=colors,
         cells=cells,
-        card=_card(sequence, total, bands, details),
+        card=_card(sequence, total, bands, details, is_mirrored(camera_px, projector_px)),
         light=light,
         camera_size=(width, height),
         projector_size=sequence.spec.projector_size,
     )
 
 
-def _card(sequence: ArrangedSequence, points: int, bands: Sequence[Points], details: Mapping[str, object]) -> Card:
+def _card(
+    sequence: ArrangedSequence, points: int, bands: Sequence[Points], details: Mapping[str, object], mirrored: bool
+) -> Card:
     """Raises `CaptureError` where nothing was decoded."""
     lit, pixels = sum(band.seen for band in bands), sequence.white.size
     rejected = {reason: sum(band.rejected[reason] for band in bands) for reason in bands[0].rejected}
@@ -169,9 +212,25 @@ def _card(sequence: ArrangedSequence, points: int, bands: Sequence[Points], deta
         decoded=points,
         rejected=rejected,
         coverage=points / pixels,
-        advice=tuple(_advice(sequence, lit, rejected)),
-        details={"pixels": pixels, **details},
+        advice=(*([MIRRORED] if mirrored else []), *_advice(sequence, lit, rejected)),
+        details={"pixels": pixels, **({"mirrored": True} if mirrored else {}), **details},
     )
+
+
+def is_mirrored(camera_px: FloatArray, projector_px: FloatArray) -> bool:
+    """Whether the projector's picture is seen as a mirror shows it: its axes turn the other way than the camera's.
+
+    However camera and projector are turned, what both see of a surface's one side turns the same way. By the sign of
+    the determinant of the affine map between them that fits best.
+    """
+    if len(camera_px) < FEWEST_TO_TELL_SIDES or np.isnan(projector_px[0]).any():
+        return False
+    every = max(len(camera_px) // MOST_TO_TELL_SIDES, 1)
+    camera, projector = camera_px[::every], projector_px[::every]
+    design = np.column_stack([camera - camera.mean(axis=0), np.ones(len(camera))])
+    found = np.asarray(np.linalg.lstsq(design, projector, rcond=None)[0], np.float64)
+    (a, b), (c, d) = found[:2].tolist()
+    return a * d - b * c < -LEAST_SINE * float(np.hypot(a, b) * np.hypot(c, d))
 
 
 def _advice(sequence: ArrangedSequence, lit: int, rejected: Mapping[str, int]) -> list[str]:

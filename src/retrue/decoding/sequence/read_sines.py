@@ -30,10 +30,11 @@ LIT_VARIANCE = float(1 / (2 * np.pi * LEAST_SIGNAL) ** 2)
 JUMP_STEPS, JUMP_SIGMAS = 6.0, 6.0
 """A pixel whose neighbours differ by so many of the usual steps, and so many sigmas, sees two surfaces."""
 NOWHERE_PX = -1e6
-SAMPLE_BANDS, SAMPLE_ROWS = 24, 8
+SAMPLE_BANDS, SAMPLE_ROWS = 20, 4
 FEWEST_TURNS = 4
 """Of a sine over the projector: of fewer, the scene may show some phases more than others."""
-MOST_PIXELS_TO_FIT = 60_000
+RIDGE = 1e-9
+MOST_PIXELS_TO_FIT = 12_000
 REASONS = {
     "saturated": "a picture of the finest sine is at the end of its scale",
     "turn": "whole turns are not certain: coarse and fine pictures disagree by more than their noise",
@@ -64,6 +65,12 @@ class AxisPlan:
     bend: Bend
     ripples: tuple[complex, ...]
     step_px: float
+
+    def part(self, rows: slice, columns: slice) -> AxisPlan:
+        """The same for those rows and columns of the pictures."""
+        if self.cue is None:
+            return self
+        return replace(self, cue=(self.cue[0].part(rows, columns), self.cue[1]))
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -106,10 +113,12 @@ def read_sines(
 
 
 def _read_band(sequence: ArrangedSequence, noise: Noise, plans: Sequence[AxisPlan], rows: range) -> SineBand:
-    height = sequence.white.shape[0]
+    height, width = sequence.white.shape
     top, bottom = max(rows.start - 1, 0), min(rows.stop + 1, height)
     around, inner = slice(top, bottom), slice(rows.start - top, rows.stop - top)
-    axes = [_read_axis(sequence, plan, noise, around) for plan in plans]
+    columns = _lit_columns(sequence, plans[0].sines[0], noise, around)
+    cut = sequence.part(around, columns)
+    axes = [_read_axis(cut, plan.part(around, columns), noise, slice(None)) for plan in plans]
     lit = reduce(np.logical_and, [axis.lit for axis in axes])
     full = reduce(np.logical_or, [axis.saturated for axis in axes])
     turned = reduce(np.logical_and, [_certain(axis.found, lit, p) for axis, p in zip(axes, plans, strict=True)])
@@ -127,14 +136,25 @@ def _read_band(sequence: ArrangedSequence, noise: Noise, plans: Sequence[AxisPla
         "edge": good & ~flat,
     }
     variance = np.mean([np.take(axis.found.variance[inner], pixels) for axis in axes], axis=0)
+    y, x = np.divmod(pixels, columns.stop - columns.start)
     return SineBand(
-        pixels,
+        y * width + x + columns.start,
         {p.axis: np.take(a.found.px[inner], pixels).astype(np.float64) for a, p in zip(axes, plans, strict=True)},
         np.sqrt(variance.astype(np.float64)),
         2 * np.take(axes[0].wrapped.modulation[inner], pixels).astype(np.float64),
         int(np.count_nonzero(lit[inner])),
         {reason: int(np.count_nonzero(mask[inner])) for reason, mask in masks.items()},
     )
+
+
+def _lit_columns(sequence: ArrangedSequence, sine: Sine, noise: Noise, rows: slice) -> slice:
+    """From the first to the last column of a band in which some pixel may be lit: its pictures differ by more."""
+    pictures = [sequence.pictures[index][rows] for index in sine.pictures]
+    differ = cv2.subtract(reduce(cv2.max, pictures), reduce(cv2.min, pictures))
+    least = LEAST_SIGNAL * np.sqrt(noise.floor * 2 / len(pictures))
+    lit = np.flatnonzero(differ.max(axis=0) > least)
+    width = differ.shape[1]
+    return slice(max(int(lit[0]) - 1, 0), min(int(lit[-1]) + 2, width)) if len(lit) else slice(0, min(2, width))
 
 
 def _read_axis(sequence: ArrangedSequence, plan: AxisPlan, noise: Noise, rows: slice) -> _AxisReading:
@@ -234,7 +254,10 @@ def _bend(read: Sequence[_AxisReading], sines: Sequence[Sine]) -> Bend:
         left = missed - coefficients @ terms
         scatter = MAD_TO_SIGMA * float(np.median(np.abs(left)))
         inlier = (np.abs(left) <= 3 * scatter) * weight
-        coefficients = np.asarray(np.linalg.lstsq((terms * inlier).T, missed * inlier, rcond=None)[0], np.float64)
+        weighted: FloatArray = terms * inlier
+        normal: FloatArray = weighted @ weighted.T
+        steady: FloatArray = RIDGE * float(np.sum(np.diagonal(normal))) * np.eye(len(terms))
+        coefficients = np.asarray(np.linalg.solve(normal + steady, weighted @ (missed * inlier)), np.float64)
     left = missed - coefficients @ terms
     excess = (MAD_TO_SIGMA * float(np.median(np.abs(left)))) ** 2 - float(np.median(allowed))
     return Bend(coefficients, max(excess, 0.0))

@@ -1,0 +1,200 @@
+"""Why a sequence does not decode as expected; and, where the pictures can be read all the same, what they hold."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from itertools import pairwise
+
+import numpy as np
+
+from retrue.decoding.gray.faults import require_complements
+from retrue.decoding.sequence.arrange import ArrangedSequence, frames_of, grey_pictures, scene_lights
+from retrue.decoding.sequence.hypotheses import (
+    FEWEST_CHANGES,
+    Hypothesis,
+    Judgement,
+    Sample,
+    fit_gains,
+    fit_share,
+    hypotheses,
+    judge,
+    take_sample,
+    unlike,
+)
+from retrue.errors import CaptureError, InputError
+from retrue.geometry.arrays import FloatArray, Image
+from retrue.patterns.gray_code import GrayCode
+from retrue.patterns.layouts import LAYOUTS, layout_sequence
+from retrue.patterns.sequence import Frame, FrameSequence
+
+LEAST_SCORE = 0.55
+"""Of a hypothesis that is believed."""
+CLEAR_SCORE = 0.8
+"""Of one that leaves nothing to ask."""
+LEAST_GAIN = 0.03
+"""By which it must fit better than what was expected."""
+SURPRISE = 0.01
+"""Of score that each cause must earn."""
+MISFIT = 0.05
+"""Of the contrast: pattern and inverse of good pictures add up to the same within less."""
+BETTER = 0.6
+"""Of that misfit is left by a correction that is believed."""
+AS_GOOD = 1.5
+"""Times the misfit of the best correction: a simpler one that leaves no more is believed."""
+LEAST_SHARE, LEAST_SPREAD = 0.04, 1.08
+HEADROOM = 1.3
+SINUSOIDAL = 0.35
+"""Share of pixels and pictures between dark and bright, beyond which they show sines."""
+MIDDLE = (0.2, 0.8)
+"""Of a pixel's brightness: a sine passes here, a bit does not."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Diagnosis:
+    """The hypothesis that fits a sequence best.
+
+    Attributes
+    ----------
+    causes : what happened, a clause each; nothing where all is as expected.
+    sequence : the pictures as that makes them, to be decoded; None where they cannot be read.
+    figures : by name, for the card.
+    """
+
+    causes: tuple[str, ...]
+    sequence: ArrangedSequence | None
+    figures: dict[str, float]
+
+
+def diagnose(pattern: GrayCode | FrameSequence, images: Sequence[Image], names: Sequence[str]) -> Diagnosis | None:
+    """Fit what may have happened to all pictures together; None where nothing fits, or all is as expected.
+
+    First the order: which frames the pictures show, whatever their brightness. Then what each picture's brightness was
+    multiplied by, and which share of the picture before it each holds.
+    """
+    frames = frames_of(pattern, len(images))
+    if frames is None:
+        return None
+    grey = grey_pictures(images)
+    sample = take_sample(grey, np.random.default_rng(0))
+    if sample is None:
+        return None
+    found = _order(sample, frames, pattern.projector_size)
+    if found is None:
+        return None
+    order, judgement = found
+    gains, share = _light(sample, order)
+    causes = list(order.causes)
+    figures = {"continuous": judgement.continuous, "inside": judgement.inside}
+    if share:
+        causes.append(f"every picture holds {100 * share:.0f} % of the one before it: synchronise, or wait longer")
+        figures["share_of_picture_before"] = share
+    spread = float(gains.max() / gains.min())
+    if spread > 1:
+        causes.append(
+            f"brightness changes from picture to picture, by a factor of up to {spread:.2f}: switch automatic "
+            "exposure off"
+        )
+        figures["gain_spread"] = spread
+    if not causes:
+        return None
+    try:
+        spec = FrameSequence(pattern.projector_size, order.frames)
+    except InputError:
+        return Diagnosis(tuple(causes), None, figures)
+    pictures = list(grey) if spread == 1 and not share else _corrected(grey, gains, share)
+    white, black, color = scene_lights(spec, pictures, pictures)
+    arranged = ArrangedSequence(spec, pictures, list(names), white, black, color, not isinstance(pattern, GrayCode))
+    try:
+        require_complements(pictures, names, _pair_starts(spec))
+    except CaptureError as error:
+        return Diagnosis((*causes, error.problem), None, figures)
+    return Diagnosis(tuple(causes), arranged, figures)
+
+
+def looks_like(images: Sequence[Image], projector_size: tuple[int, int] = (1024, 768)) -> str:
+    """What a folder of pictures seems to be, and what to try."""
+    sample = take_sample(grey_pictures(images), np.random.default_rng(0))
+    count = f"{len(images)} pictures"
+    if sample is None:
+        return count
+    low, high = sample.here.min(axis=0), sample.here.max(axis=0)
+    scaled = (sample.here - low) / np.maximum(high - low, 1e-6)
+    between = np.count_nonzero((scaled > MIDDLE[0]) & (scaled < MIDDLE[1])) / scaled.size
+    what = "sinusoidal: phase shift?" if between > SINUSOIDAL else "bright or dark: Gray code?"
+    fitting = [name for name in LAYOUTS if _has(name, projector_size, len(images), sines=between > SINUSOIDAL)]
+    tried = f"; a pattern of the layout {' or '.join(fitting)} has as many" if fitting else ""
+    return f"{count}, {what}{tried}; `retrue pattern sequence --layout ...` makes one"
+
+
+def _has(layout: str, size: tuple[int, int], count: int, *, sines: bool) -> bool:
+    """Whether a layout, or its columns alone, has so many pictures, of sines or of bits."""
+    made = [layout_sequence(layout, size), layout_sequence(layout, size, ["column"])]
+    return any(own.picture_count == count and sines == any(f.code == "phase" for f in own.frames) for own in made)
+
+
+def _order(
+    sample: Sample, frames: Sequence[Frame], projector_size: tuple[int, int]
+) -> tuple[Hypothesis, Judgement] | None:
+    """The order that fits clearly best; the expected one where it fits as well.
+
+    Where none fits well, pictures of unlike brightness may hide their bits: they are judged again without their gains.
+    """
+    for seen in (sample, sample.corrected(fit_gains(sample, frames), 0.0)):
+        judged = [(own, judge(seen, own.frames, projector_size)) for own in hypotheses(frames)]
+        if max(own.score for _, own in judged if own.changes >= FEWEST_CHANGES or own is judged[0][1]) > CLEAR_SCORE:
+            break
+    expected = judged[0]
+    told = [pair for pair in judged if pair[1].changes >= FEWEST_CHANGES]
+    best = max(told, key=lambda pair: pair[1].score - SURPRISE * len(pair[0].causes), default=expected)
+    if not best[1].score > expected[1].score + LEAST_GAIN:
+        best = expected
+    if best[1].changes < FEWEST_CHANGES or not best[1].score > LEAST_SCORE:
+        return None
+    return best
+
+
+def _light(sample: Sample, order: Hypothesis) -> tuple[FloatArray, float]:
+    """Gains of the pictures, and the share of the one before; ones and 0 where they explain nothing."""
+    ones = np.ones(len(sample.here))
+    misfit = unlike(sample, order.frames)
+    if not misfit > MISFIT:
+        return ones, 0.0
+    share = fit_share(sample, order.frames)
+    gains = fit_gains(sample, order.frames)
+    both = fit_gains(sample.corrected(ones, share), order.frames) if share else ones
+    tried = [(ones, share), (gains, 0.0), (gains, fit_share(sample.corrected(gains, 0.0), order.frames)), (both, share)]
+    left = [unlike(sample.corrected(*own), order.frames) for own in tried]
+    best = next(index for index in range(len(tried)) if left[index] <= AS_GOOD * min(left))
+    if not left[best] < BETTER * misfit:
+        return ones, 0.0
+    gains, share = tried[best]
+    spread = float(gains.max() / gains.min())
+    return gains if spread > LEAST_SPREAD else ones, share if share > LEAST_SHARE else 0.0
+
+
+def _corrected(grey: Sequence[Image], gains: FloatArray, share: float) -> list[Image]:
+    """The pictures over their gains, less the share of the one before, 16 bit."""
+    full = float(np.iinfo(grey[0].dtype).max) * HEADROOM / float(gains.min())
+    scale = np.float32(np.iinfo(np.uint16).max / full)
+    made: list[Image] = []
+    before = None
+    for picture, gain in zip(grey, gains, strict=True):
+        own = picture.astype(np.float32) * np.float32(scale / gain)
+        if share and before is not None:
+            own = (own - np.float32(share) * before) / np.float32(1 - share)
+        before = own
+        made.append(np.clip(np.rint(own), 0, np.iinfo(np.uint16).max).astype(np.uint16))
+    return made
+
+
+def _pair_starts(spec: FrameSequence) -> list[int]:
+    """Where pattern and inverse of one bit follow each other."""
+    frames = spec.frames
+    return [
+        index
+        for index, (first, second) in enumerate(pairwise(frames))
+        if first.code == second.code == "gray"
+        and (first.axis, first.bit) == (second.axis, second.bit)
+        and first.inverse != second.inverse
+    ]

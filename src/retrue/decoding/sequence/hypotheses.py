@@ -1,0 +1,306 @@
+"""What may have happened to a sequence: relabelled frames, gains, a share of the picture before; fitted to a sample.
+
+Every hypothesis says which frame each picture shows. It is judged where bits change between neighbouring pixels: in
+the right order the code goes on by one there, in a wrong one it jumps; and by pattern and inverse, which add up to
+the same in each pixel.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+from itertools import product
+
+import numpy as np
+
+from retrue.geometry.arrays import FloatArray, Image
+from retrue.patterns.sequence import AXES, Frame
+
+SAMPLE = 4000
+"""Pixels, with the neighbours right of and below each."""
+LIT = 0.3
+"""Of the strongest contrast."""
+DECIDED = 0.12
+"""Of a pixel's contrast: |pattern - inverse| of a bit that is believed."""
+LIGHTS_COUNT = 0.1
+"""How much white and black count beside the code: automatic exposure may have made them equal."""
+LATEST = 3
+FEWEST_CHANGES = 40
+SHARES = [0.05 * k for k in range(10)]
+GAIN_ROUNDS = 40
+IGNORE = Frame("ignore")
+
+
+@dataclass(frozen=True, slots=True)
+class Hypothesis:
+    """What each picture shows, and why that is not what was expected; `causes` is empty where it is."""
+
+    frames: tuple[Frame, ...]
+    causes: tuple[str, ...]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Sample:
+    """Grey levels (pictures, pixels) of lit pixels, of those right of them, and of those below."""
+
+    here: FloatArray
+    right: FloatArray
+    below: FloatArray
+
+    def corrected(self, gains: FloatArray, share: float) -> Sample:
+        """Without gains and without a share of the picture before."""
+        return Sample(*(corrected(part, gains, share) for part in (self.here, self.right, self.below)))
+
+
+@dataclass(frozen=True, slots=True)
+class Judgement:
+    """How well a hypothesis fits.
+
+    Attributes
+    ----------
+    continuous : share of the changes between neighbours at which the code goes on by one or two.
+    inside : share of the codes that lie in the projector.
+    unlike : median over pairs of |pattern + inverse - their median|, of the contrast.
+    dark : by how much white less black falls short of the contrast, 0 to 2; 0 where the sequence has none.
+    changes : how many changes there were.
+    """
+
+    continuous: float
+    inside: float
+    unlike: float
+    dark: float
+    changes: int
+
+    @property
+    def score(self) -> float:
+        """Larger is better; 1 where all fits."""
+        return self.continuous * self.inside - self.unlike - LIGHTS_COUNT * self.dark
+
+
+def hypotheses(frames: Sequence[Frame]) -> Iterator[Hypothesis]:
+    """As expected first, then every order that people end up with, alone and together."""
+    orders = product((False, True), (False, True), (False, True), ("", "exchanged", "moved"), range(LATEST + 1))
+    seen: set[tuple[Frame, ...]] = set()
+    for rows_first, low_first, inverse_first, lights, late in sorted(orders, key=_surprise):
+        made, causes = list(frames), list[str]()
+        if rows_first:
+            made, cause = _rows_first(made), "the row pictures come before the column pictures"
+            causes.append(cause)
+        if low_first:
+            made = _low_first(made)
+            causes.append("the least significant bits come first")
+        if inverse_first:
+            made = [replace(f, inverse=not f.inverse) if f.code == "gray" else f for f in made]
+            causes.append("inverses come before patterns")
+        if lights == "exchanged":
+            made = [replace(f, code={"white": "black", "black": "white"}.get(f.code, f.code)) for f in made]
+            causes.append("white and black are exchanged")
+        elif lights == "moved":
+            made = _moved_lights(made)
+            causes.append("white and black are at the other end")
+        if late:
+            made = [IGNORE] * late + made[:-late]
+            causes.append(f"every picture shows what belongs {late} earlier: the camera is late by {late}")
+        if tuple(made) not in seen:
+            seen.add(tuple(made))
+            yield Hypothesis(tuple(made), tuple(causes))
+
+
+def judge(sample: Sample, frames: Sequence[Frame], projector_size: tuple[int, int]) -> Judgement:
+    """Fit a sample of pixels."""
+    continuous, changes, inside, codes = 0, 0, 0, 0
+    unlike: list[float] = []
+    contrast = np.maximum(np.ptp(sample.here, axis=0), 1e-6)
+    for axis, name in enumerate(AXES):
+        bits = _bits(frames, name)
+        if len(bits) < 2:
+            continue
+        low = bits[-1][0]
+        parts = [_codes(part, bits) for part in (sample.here, sample.right, sample.below)]
+        number, decided = parts[0]
+        step, offset = bits[0][3], bits[0][4]
+        first, last = -offset // step, (projector_size[axis] - 1 - offset) // step
+        inside += int(np.count_nonzero(decided & ((number << low) >= first) & ((number << low) <= last)))
+        codes += int(np.count_nonzero(decided))
+        for other, its in parts[1:]:
+            both = decided & its & (other != number)
+            changes += int(np.count_nonzero(both))
+            continuous += int(np.count_nonzero(both & (np.abs(other - number) <= 2)))
+        for _, pattern, inverse, *_ in bits:
+            if pattern is not None and inverse is not None:
+                total = (sample.here[pattern] + sample.here[inverse]) / contrast
+                unlike.append(float(np.median(np.abs(total - np.median(total)))))
+    return Judgement(
+        continuous / max(changes, 1),
+        inside / max(codes, 1),
+        float(np.median(unlike)) if unlike else 0.0,
+        _dark(sample.here, frames, contrast),
+        changes,
+    )
+
+
+def _dark(here: FloatArray, frames: Sequence[Frame], contrast: FloatArray) -> float:
+    codes = [frame.code for frame in frames]
+    if "white" not in codes or "black" not in codes:
+        return 0.0
+    light = (here[codes.index("white")] - here[codes.index("black")]) / contrast
+    return float(np.clip(1 - np.median(light), 0, 2))
+
+
+def take_sample(grey: Sequence[Image], rng: np.random.Generator) -> Sample | None:
+    """Random lit pixels; None where the pictures are too small or dark."""
+    height, width = grey[0].shape
+    if height < 3 or width < 3:
+        return None
+    y, x = rng.integers(0, height - 1, 8 * SAMPLE), rng.integers(0, width - 1, 8 * SAMPLE)
+    here = np.stack([image[y, x] for image in grey]).astype(np.float64)
+    contrast = np.ptp(here, axis=0)
+    lit = np.flatnonzero(contrast > LIT * np.percentile(contrast, 99))[:SAMPLE]
+    if not len(lit):
+        return None
+    y, x = y[lit], x[lit]
+    right, below = (
+        np.stack([image[y + down, x + aside] for image in grey]).astype(np.float64) for down, aside in ((0, 1), (1, 0))
+    )
+    return Sample(here[:, lit], right, below)
+
+
+def fit_gains(sample: Sample, frames: Sequence[Frame]) -> FloatArray:
+    """(pictures,) gain of each picture, by which pattern / gain + inverse / gain is the same for every pair.
+
+    Least squares in turn of the pixels' sums and of the two reciprocal gains of each pair; 1 for pictures in no pair.
+    """
+    pairs = _pairs(frames)
+    gains = np.ones(len(sample.here))
+    if len(pairs) < 3:
+        return gains
+    reciprocal = gains.copy()
+    for _ in range(GAIN_ROUNDS):
+        sums = np.stack([sample.here[p] * reciprocal[p] + sample.here[q] * reciprocal[q] for p, q in pairs])
+        total = np.median(sums, axis=0)
+        for p, q in pairs:
+            design = sample.here[[p, q]].T
+            found = np.linalg.lstsq(design, total, rcond=None)[0]
+            if (found > 0.1).all() and (found < 10).all():
+                reciprocal[[p, q]] = found
+        reciprocal /= np.median(reciprocal)
+    return 1 / reciprocal
+
+
+def fit_share(sample: Sample, frames: Sequence[Frame]) -> float:
+    """The share of the picture before it in each picture, that makes pattern and inverse add up best."""
+    pairs = _pairs(frames)
+    if not pairs:
+        return 0.0
+    misses = [_unlike(corrected(sample.here, np.ones(len(sample.here)), share), pairs) for share in SHARES]
+    best = int(np.argmin(misses))
+    if not misses[best] < 0.7 * misses[0]:
+        return 0.0
+    low, high = SHARES[max(best - 1, 0)], SHARES[min(best + 1, len(SHARES) - 1)]
+    ones = np.ones(len(sample.here))
+    finer = [low + (high - low) * k / 20 for k in range(21)]
+    return min(finer, key=lambda share: _unlike(corrected(sample.here, ones, share), pairs))
+
+
+def corrected(pictures: FloatArray, gains: FloatArray, share: float) -> FloatArray:
+    """Pictures (K, ...) over their gains, less the share of the picture before; the first has none before it."""
+    made = pictures / gains.reshape(-1, *[1] * (pictures.ndim - 1))
+    if share:
+        for index in range(1, len(made)):
+            made[index] = (made[index] - share * made[index - 1]) / (1 - share)
+    return made
+
+
+def unlike(sample: Sample, frames: Sequence[Frame]) -> float:
+    """How much pattern and inverse fail to add up to the same, of the contrast; 0 without pairs."""
+    pairs = _pairs(frames)
+    return _unlike(sample.here, pairs) if pairs else 0.0
+
+
+def _unlike(here: FloatArray, pairs: Sequence[tuple[int, int]]) -> float:
+    sums = np.stack([here[p] + here[q] for p, q in pairs])
+    contrast = np.median([np.abs(here[p] - here[q]) for p, q in pairs], axis=0)
+    spread = np.abs(sums - np.median(sums, axis=0))
+    return float(np.mean(np.median(spread / np.maximum(contrast, 1e-6), axis=1)))
+
+
+def _pairs(frames: Sequence[Frame]) -> list[tuple[int, int]]:
+    """Pictures that add up to white and black: patterns and inverses, and white and black themselves."""
+    codes = [frame.code for frame in frames]
+    found = [
+        (pattern, inverse)
+        for name in AXES
+        for _, pattern, inverse, *_ in _bits(frames, name)
+        if pattern is not None and inverse is not None
+    ]
+    if "white" in codes and "black" in codes:
+        found.append((codes.index("white"), codes.index("black")))
+    return found
+
+
+def _bits(frames: Sequence[Frame], axis: str) -> list[tuple[int, int | None, int | None, int, int]]:
+    """(bit, pattern, inverse, step, offset), most significant first."""
+    patterns: dict[int, int] = {}
+    inverses: dict[int, int] = {}
+    first = next((frame for frame in frames if frame.code == "gray" and frame.axis == axis), IGNORE)
+    for index, frame in enumerate(frames):
+        if frame.code == "gray" and frame.axis == axis and frame.bit is not None:
+            (inverses if frame.inverse else patterns)[frame.bit] = index
+    bits = sorted({*patterns, *inverses}, reverse=True)
+    return [(bit, patterns.get(bit), inverses.get(bit), first.step_px, int(first.offset_px)) for bit in bits]
+
+
+def _codes(
+    part: FloatArray, bits: Sequence[tuple[int, int | None, int | None, int, int]]
+) -> tuple[np.ndarray, np.ndarray]:
+    """n of each pixel, and whether all of its bits are decided."""
+    low, high = part.min(axis=0), part.max(axis=0)
+    middle, contrast = low + high, np.maximum(high - low, 1e-6)
+    number, bit_before = np.zeros(part.shape[1], np.int64), np.zeros(part.shape[1], np.int64)
+    decided = np.ones(part.shape[1], np.bool_)
+    for _, pattern, inverse, *_ in bits:
+        p = part[pattern] if pattern is not None else middle - part[inverse]
+        q = part[inverse] if inverse is not None else middle - part[pattern]
+        decided &= np.abs(p - q) > DECIDED * contrast
+        bit_before = bit_before ^ (p > q)
+        number = (number << 1) | bit_before
+    return number, decided
+
+
+def _surprise(order: tuple[bool, bool, bool, str, int]) -> tuple[int, int]:
+    """How many things went wrong at once."""
+    rows_first, low_first, inverse_first, lights, late = order
+    return sum((rows_first, low_first, inverse_first, bool(lights), late > 0)), late
+
+
+def _rows_first(frames: Sequence[Frame]) -> list[Frame]:
+    """The frames of the rows in the places of the first pictures of either axis, then those of the columns."""
+    places = [index for index, frame in enumerate(frames) if frame.axis is not None]
+    rows = [frame for frame in frames if frame.axis == "row"]
+    columns = [frame for frame in frames if frame.axis == "column"]
+    made = list(frames)
+    for place, frame in zip(places, rows + columns, strict=True):
+        made[place] = frame
+    return made
+
+
+def _low_first(frames: Sequence[Frame]) -> list[Frame]:
+    """The bits of each axis in the opposite order."""
+    made = list(frames)
+    for axis in AXES:
+        own = [frame.bit for frame in frames if frame.code == "gray" and frame.axis == axis and frame.bit is not None]
+        if own:
+            top = max(own) + min(own)
+            made = [
+                replace(f, bit=top - f.bit) if f.code == "gray" and f.axis == axis and f.bit is not None else f
+                for f in made
+            ]
+    return made
+
+
+def _moved_lights(frames: Sequence[Frame]) -> list[Frame]:
+    """White and black first where they were last, and the other way round."""
+    lights = [frame for frame in frames if frame.code in ("white", "black")]
+    others = [frame for frame in frames if frame.code not in ("white", "black")]
+    first = bool(lights) and frames[0].code in ("white", "black")
+    return [*others, *lights] if first else [*lights, *others]
