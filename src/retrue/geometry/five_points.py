@@ -64,7 +64,12 @@ def poses_of_essential(E: FloatArray) -> list[tuple[FloatArray, FloatArray]]:
 
 
 def best_essentials(
-    x: FloatArray, y: FloatArray, noises: Sequence[float], draw: Callable[[int], IntArray], scored: IntArray
+    x: FloatArray,
+    y: FloatArray,
+    noises: Sequence[float],
+    draw: Callable[[int], IntArray],
+    scored: IntArray,
+    most_samples: int = MOST_SAMPLES,
 ) -> list[FloatArray]:
     """The essential matrices (3, 3) of samples of five that the most points agree with at each noise: MSAC.
 
@@ -82,7 +87,7 @@ def best_essentials(
     limits = 9 * np.square(np.asarray(noises, dtype=np.float64))
     found: list[FloatArray | None] = [None] * len(limits)
     agreement, which, most = np.zeros(len(limits)), np.empty(len(limits), dtype=np.int64), np.empty(len(limits))
-    while drawn < min(enough, MOST_SAMPLES):
+    while drawn < min(enough, most_samples):
         candidates = five_point_essentials(x, y, draw(SAMPLES))
         drawn += SAMPLES
         if len(candidates):
@@ -90,7 +95,7 @@ def best_essentials(
             for index in np.flatnonzero(most > agreement):
                 found[index], agreement[index] = candidates[which[index]], most[index]
         agreeing = float(agreement.max()) / max(len(scored), 1)
-        enough = MISSED / np.log1p(-min(agreeing**5, 0.99)) if agreeing > 0.1 else MOST_SAMPLES
+        enough = MISSED / np.log1p(-min(agreeing**5, 0.99)) if agreeing > 0.1 else most_samples
     return [E for E in found if E is not None]
 
 

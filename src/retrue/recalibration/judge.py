@@ -164,11 +164,7 @@ def judge(rig: Rig, captures: Sequence[Correspondences], options: RecalibrateOpt
     parameters = replace(answer.parameters, bows=answer.parameters.bows / scale)
     answer = improved(replace(answer, parameters=parameters, measured=whole), 3)
     outside = unexplained(answer)
-    others = [
-        *parts_apart(answer, part, whole.homography_residuals),
-        shifted_copy(answer, outside),
-        None if part else other_part(answer, outside, rng),
-    ]
+    others = [*parts_apart(answer, part, whole.homography_residuals), shifted_copy(answer, outside)]
     part = max(
         (other for other in others if other is not None and other.count), key=lambda one: one.count, default=None
     )

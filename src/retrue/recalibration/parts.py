@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from retrue.errors import DegenerateError
-from retrue.geometry.arrays import BoolArray, FloatArray
+from retrue.geometry.arrays import BoolArray, FloatArray, IntArray
 from retrue.geometry.five_points import best_essentials, sampson_squares
 from retrue.geometry.robust import CUTOFF, biweight_level, within_reach_of_mode
 from retrue.geometry.two_view import FREE, POSE_PARAMETERS, TwoViewPoints
@@ -17,6 +17,7 @@ from retrue.recalibration.posterior import Measured, PosePrior, Posterior, fit_p
 from retrue.recalibration.rays import Rays
 
 FEWEST_OF_A_PART = 15
+STRIPS, MOST_SAMPLES = 4, 180
 CENTRES = 50  # shifts to look for others about
 SHARE_OF_A_PART = 0.3  # of the unexplained points; five free choices among wrong matches bring few together
 MOST_OF_A_PLANE = 0.5  # of its points, that the pose explains though the plane belongs to another
@@ -126,9 +127,16 @@ def other_part(posterior: Posterior, outside: BoolArray, rng: np.random.Generato
     points = posterior.points.select(rows)
     noise = _noise(points, np.hypot(posterior.fit.epipolar_noise.level, posterior.fit.epipolar_noise.shared))
     scored = rng.permutation(len(rows))[:600]
-    found = best_essentials(
-        points.camera_rays, points.projector_rays, [noise], lambda count: rng.integers(0, len(rows), (count, 5)), scored
-    )
+    across, down = (np.argsort(axis) for axis in points.camera_rays.T)
+
+    def draw(count: int) -> IntArray:  # a part holds together: from a strip of the picture, upright or lying
+        strip = max(5, len(rows) // STRIPS)
+        start = rng.integers(0, len(rows) - strip + 1, (count, 1))
+        places = start + rng.integers(0, strip, (count, 5))
+        upright = np.arange(count)[:, None] % 2 == 0
+        return np.where(upright, across[places], down[places]).astype(np.int64)
+
+    found = best_essentials(points.camera_rays, points.projector_rays, [noise], draw, scored, MOST_SAMPLES)
     if not found:
         return None
     E = found[0]
