@@ -69,7 +69,9 @@ def examples() -> dict[str, object]:
         retrue.parse_board("chessboard:7x9:75mm"), *retrue.planar_pose_candidates(homography)[:1],
         retrue.planar_pose_candidates_batch(homography[None]),
         retrue.CadOptions(), retrue.CalibrationOptions(), retrue.RecalibrateOptions(), retrue.ReconstructOptions(),
-        retrue.SimulateOptions(), retrue.VerifyOptions(),
+        retrue.SimulateOptions(), retrue.VerifyOptions(), retrue.RecordOptions(),
+        retrue.Frame("phase", "column", period_px=64.0), retrue.layout_sequence("slstudio-2x3", (1824, 1140)),
+        retrue.parse_setup('[camera]\ndriver = "opencv"\n[projector]\ndriver = "window"\n', "setup.toml"),
     ]  # fmt: skip
     return {retrue_name(value): value for value in made}
 
@@ -87,4 +89,5 @@ def public_values() -> list[str]:
         kind.__name__
         for kind in kinds
         if isclass(kind) and not isabstract(kind) and (is_dataclass(kind) or kind is retrue.PlanarPose)
+        if kind not in (retrue.LiveRig, retrue.Recorder)  # devices, and what works them, are no values
     ]

@@ -14,7 +14,7 @@ from retrue.shown import ShortRepr, vector
 from tests.examples import examples, public_values
 
 SHOWN = [name for name in public_values() if issubclass(getattr(retrue, name), ShortRepr)]
-PLAIN = {"Board", "GrayCode", "KnownDistance", "Reason"}  # as Python shows them: a few short fields
+PLAIN = {"Board", "Frame", "GrayCode", "KnownDistance", "Reason", "Setup"}  # as Python shows them: a few short fields
 
 
 def test_only_what_is_short_by_itself_is_shown_by_python() -> None:

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 import trimesh
 
-from retrue import read_rig, write_points, write_rig
+from retrue import read_points, read_rig, write_points, write_rig
 from retrue.correspondences import Correspondences
 from retrue.files.ply import read_ply
 
@@ -97,7 +97,25 @@ def test_a_unit_without_a_length_stays_in_formats_without_a_unit(retrue: Retrue,
     retrue("reconstruct", files.rig, files.points, *to, files.folder / "mesh.glb").require_complaint("'square'")
 
 
-@pytest.mark.parametrize("rows", [0, 1, 2])
+def test_of_no_points_nothing_is_written(retrue: Retrue, files: Files) -> None:
+    write_points(files.points, Correspondences(np.empty((0, 2)), np.empty((0, 2))))
+    run = retrue("reconstruct", files.rig, files.points, "--out", files.folder / "cloud.ply", "--anyway")
+    assert run.status == 1
+    assert "nothing was written: expected at least 12 correspondences, found 0" in run.out
+    assert not (files.folder / "cloud.ply").exists()
+
+
+def test_columns_alone_make_a_cloud_and_say_that_nothing_checks_the_rig(retrue: Retrue, files: Files) -> None:
+    points, to = read_points(files.points), ("--out", files.folder / "cloud.ply", "--json")
+    write_points(files.points, replace(points, projector_px=points.projector_px * [1, np.nan]))
+    run = retrue("reconstruct", files.rig, files.points, *to)
+    assert run.status == 0
+    assert run.json["verdict"] == "unknown"
+    assert run.json["cause"] == "OneCoordinate"
+    assert run.json["points"] == np.count_nonzero(points.projector_px[:, 1] < 767.5)  # in the projector's picture
+
+
+@pytest.mark.parametrize("rows", [1, 2])
 def test_too_few_points_for_a_mesh(retrue: Retrue, files: Files, rows: int) -> None:
     write_points(files.points, Correspondences(np.full((rows, 2), 600.0), np.full((rows, 2), 500.0)))
     to = ("--out", files.folder / "cloud.ply", "--mesh", files.folder / "mesh.ply")

@@ -103,7 +103,7 @@ CASES: dict[Callable[[], Case], type[reasons.Reason]] = {
     exchanged: reasons.DevicesExchanged,
 }
 UNATTENDED = reasons.LensUnchecked
-OF_VERIFY = (reasons.PoseDrifted, reasons.PoseContradicted, reasons.RaysMiss)
+OF_VERIFY = (reasons.OneCoordinate, reasons.PoseDrifted, reasons.PoseContradicted, reasons.RaysMiss)
 ADVICE = {
     reasons.TooFewPoints: "light more of the scene",
     reasons.PointsNotSpread: "must be spread out",

@@ -16,7 +16,7 @@ EXAMPLES: dict[str, tuple[str, ...]] = {
         "retrue pattern color-grid --projector-size 1024 768 --out pattern",
         "retrue pattern gray-code --projector-size 1920 1080 --out pattern",
         "retrue pattern phase-shift --projector-size 1920 1080 --out pattern",
-        "retrue pattern sequence --layout slstudio-2x3 --projector-size 1824 1140 --out pattern",
+        "retrue pattern sequence --layout sltk --projector-size 1280 800 --out pattern",
     ),
     "board": (
         "retrue board chessboard:9x7:22mm --paper A4 --out board.pdf",

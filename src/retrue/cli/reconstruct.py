@@ -86,7 +86,7 @@ class Reconstruct(ReportingCommand):
         from retrue.recalibration.options import RecalibrateOptions
         from retrue.recalibration.reasons import RaysMiss
         from retrue.recalibration.result import refuted
-        from retrue.recalibration.verify import verify
+        from retrue.recalibration.verify import unasked, verify
         from retrue.reconstruction.mesh import make_mesh
         from retrue.reconstruction.reconstruct import reconstruct
 
@@ -95,13 +95,13 @@ class Reconstruct(ReportingCommand):
         (capture,) = self.read(rig, [self.capture], self.pattern, one_coordinate=True)
         self._require_formats(rig.unit)
         start = time.perf_counter()
-        verification = verify(rig, [capture.points])
+        verification = unasked(capture.points) if len(capture.points.axes) < 2 else verify(rig, [capture.points])
         nothing = not len(capture.points)
         if nothing or (verification.forbids_measuring and not self.anyway):
             return self._contradicted(rig, capture, verification, time.perf_counter() - start)
         cloud = reconstruct(rig, capture.points, self.limits)
         missed, most = cloud.card["epipolar_rms_px"], RecalibrateOptions().max_noise_px
-        if not (missed <= most or self.anyway):
+        if missed is not None and not (missed <= most or self.anyway):
             verification = refuted(verification, RaysMiss(missed, most))
             return self._contradicted(rig, capture, verification, time.perf_counter() - start)
         cloud = self._finished(cloud)

@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any, cast
 
 from retrue.errors import FileError
+from retrue.values import ByValue
 
 LONGEST_SAID = 120  # characters
 LARGEST_SETUP = 2**20  # bytes
@@ -17,8 +18,8 @@ PROJECTOR_DRIVERS = ("window", "simulated")
 TABLES = {"camera": CAMERA_DRIVERS, "projector": PROJECTOR_DRIVERS}
 
 
-@dataclass(frozen=True)
-class Setup:
+@dataclass(frozen=True, eq=False)
+class Setup(ByValue):
     """What a setup file says.
 
     Attributes

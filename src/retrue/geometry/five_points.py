@@ -54,7 +54,7 @@ def poses_of_essential(E: FloatArray) -> list[tuple[FloatArray, FloatArray]]:
     """The four (R, unit t) of an essential matrix E = [t]x R (3, 3), any scale and sign.
 
     >>> from retrue.geometry.transform import skew
-    >>> sorted(tuple(t.round(6).tolist()) for R, t in poses_of_essential(skew(np.array([1.0, 0, 0]))))[0]
+    >>> sorted(tuple((t.round(6) + 0).tolist()) for R, t in poses_of_essential(skew(np.array([1.0, 0, 0]))))[0]
     (-1.0, 0.0, 0.0)
     """
     U, _, Vt = np.linalg.svd(E)

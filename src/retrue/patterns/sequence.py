@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Literal
@@ -11,6 +12,7 @@ from numpy.typing import NDArray
 
 from retrue.errors import InputError
 from retrue.patterns.gray_code import MAX_BITS, MAX_PROJECTOR_SIDE
+from retrue.shown import ShortRepr, Shown
 
 AXES: tuple[Literal["column"], Literal["row"]] = ("column", "row")
 """The columns' code tells projector x, the rows' projector y."""
@@ -134,8 +136,8 @@ class Sine:
     shifts: tuple[float, ...]
 
 
-@dataclass(frozen=True, slots=True)
-class FrameSequence:
+@dataclass(frozen=True, slots=True, repr=False)
+class FrameSequence(ShortRepr):
     """A sequence, as a spec: the role of each picture.
 
     Attributes
@@ -154,6 +156,12 @@ class FrameSequence:
     frames: tuple[Frame, ...]
     files: tuple[str, ...] | None = None
     layout: str | None = None
+
+    def _shown(self) -> Shown:
+        width, height = self.projector_size
+        codes = ", ".join(f"{code} {number}" for code, number in Counter(frame.code for frame in self.frames).items())
+        named = "" if self.layout is None else f", as {self.layout} has it"
+        return f"{width} x {height} px, {len(self.frames)} pictures: {codes}{named}", {}
 
     def __post_init__(self) -> None:
         width, height = self.projector_size

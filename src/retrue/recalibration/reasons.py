@@ -235,7 +235,18 @@ class RaysMiss(Reason):
         )
 
 
-TOO_LITTLE = (TooFewPoints, PointsNotSpread, PoseUndetermined, Imprecise, RivalUnbeaten)
+@dataclass(frozen=True, slots=True)
+class OneCoordinate(Reason):
+    """Only columns, or only rows, are known: each ray meets its plane wherever the rig stands."""
+
+    def __str__(self) -> str:
+        return (
+            "one projector coordinate cannot tell whether the rig holds:"
+            " take a few pictures of the other axis, too, and verify"
+        )
+
+
+TOO_LITTLE = (OneCoordinate, TooFewPoints, PointsNotSpread, PoseUndetermined, Imprecise, RivalUnbeaten)
 """Causes that say how little the points tell, and nothing against a rig."""
 
 

@@ -25,6 +25,7 @@ from retrue.recalibration.options import RecalibrateOptions, VerifyOptions
 from retrue.recalibration.posterior import PosePrior, Prior, fit_posterior
 from retrue.recalibration.reasons import (
     Imprecise,
+    OneCoordinate,
     PoseContradicted,
     PoseDrifted,
     Reason,
@@ -62,6 +63,12 @@ def verify(rig: Rig, captures: Sequence[Correspondences], options: VerifyOptions
     except DegenerateError as error:
         cause = reason_of(error, captures)
         return Verification("unknown", str(cause), None, total, cause=cause)
+
+
+def unasked(points: Correspondences) -> Verification:
+    """What is said of a capture of one projector coordinate, which tells nothing of a pose."""
+    cause = OneCoordinate()
+    return Verification("unknown", str(cause), None, len(points), cause=cause)
 
 
 def _verified(rig: Rig, judgement: Judgement, total: int, options: VerifyOptions) -> Verification:
