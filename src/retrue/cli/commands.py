@@ -39,6 +39,7 @@ EXAMPLES: dict[str, tuple[str, ...]] = {
         "retrue reconstruct rig.json scene.jpg --pattern pattern.json \\\n      --out cloud.ply --mesh part.stl",
     ),
     "view": ("retrue view rig.json cloud.ply",),
+    "studio": ("retrue studio --simulated", "retrue studio setup.toml --port 8090"),
     "watch": ("retrue watch rig.json incoming/ --pattern pattern.json --out watch-out",),
     "history": ("retrue history rig.json --plot drift.png",),
     "rollback": ("retrue rollback rig.json 3",),
