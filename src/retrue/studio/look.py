@@ -46,7 +46,7 @@ def look_at(pattern: ColorGrid, picture: Image, before: Image | None = None) -> 
     color = picture if picture.ndim == 3 else np.repeat(picture[..., None], 3, axis=2)
     levels = _sampled(color)
     bright = float(np.percentile(np.asarray(levels.max(axis=2)), 95))
-    clipped = float(np.mean(np.all(levels >= CLIPPED, axis=2)))
+    clipped = float(np.count_nonzero(levels.min(axis=2) >= CLIPPED)) / levels[..., 0].size
     moved = 0.0
     if before is not None and before.shape == picture.shape:
         moved = float(np.abs(_sampled(picture) - _sampled(before)).mean())

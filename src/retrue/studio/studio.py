@@ -14,6 +14,7 @@ from retrue.decoding.decode import decode
 from retrue.devices.drivers import LiveRig, make_rig
 from retrue.devices.recorder import Recorder
 from retrue.devices.setup import Setup
+from retrue.devices.shown_pictures import black_and_white
 from retrue.errors import DeviceError, InputError, RetrueError
 from retrue.files.history import read_history, roll_back, write_in_place
 from retrue.files.models import write_cloud
@@ -212,13 +213,9 @@ class Studio:
 
     def _scan(self, live: LiveRig, pattern: ColorGrid) -> None:
         rig = self._rig()
-        recorder = Recorder(live.camera, live.projector)
-        recorder.measure()
-        (grid,) = recorder.record([pattern.render()])
-        references = recorder.references
-        if references is None:
-            raise InputError("white and black were not seen")
-        points = decode(pattern, [grid.picture, references.black, references.white])
+        black, white = black_and_white(live.projector.size)
+        frames = Recorder(live.camera, live.projector).record([pattern.render(), black, white])
+        points = decode(pattern, [frame.picture for frame in frames])
         cloud = reconstruct(rig, points)
         path = self.folder / f"scan-{datetime.now(UTC):%Y%m%d-%H%M%S}.ply"
         write_cloud(path, cloud)
