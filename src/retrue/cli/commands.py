@@ -41,6 +41,7 @@ EXAMPLES: dict[str, tuple[str, ...]] = {
         "retrue reconstruct rig.json scene.jpg --pattern pattern.json \\\n      --out cloud.ply --mesh part.stl",
     ),
     "view": ("retrue view rig.json cloud.ply",),
+    "studio": ("retrue studio --simulated", "retrue studio setup.toml --port 8090"),
     "watch": ("retrue watch rig.json incoming/ --pattern pattern.json --out watch-out",),
     "batch": ("retrue batch job.toml --report page.html",),
     "rescan": ("retrue rescan job.toml --since 2026-11-24T06:00",),

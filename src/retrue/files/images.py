@@ -160,6 +160,19 @@ def _decoded(path: Path, header: ImageHeader, grey: bool) -> Image:
     return image if image.ndim == 2 else np.ascontiguousarray(image[..., ::-1])
 
 
+def jpeg(image: Image, quality: int = 85) -> bytes:
+    """A grey or red-green-blue picture as JPEG, for whoever only looks at it."""
+    import cv2
+
+    levels = image if image.dtype.name == "uint8" else (image // 257).astype(np.uint8)
+    _, content = cv2.imencode(
+        ".jpg",
+        levels if levels.ndim == 2 else cv2.cvtColor(levels, cv2.COLOR_RGB2BGR),
+        [cv2.IMWRITE_JPEG_QUALITY, quality],
+    )
+    return content.tobytes()
+
+
 def write_png(path: str | Path, image: Image) -> None:
     """Write a grey or red-green-blue picture, uint8 or uint16, whole or not at all; every pixel reads back as it is.
 

@@ -1,0 +1,158 @@
+"""The studio as people use it, in headless Chromium: see, bump, check, keep, undo, scan; two tabs; killed midway."""
+
+from __future__ import annotations
+
+import os
+import re
+import shutil
+import signal
+import socket
+import subprocess
+import sys
+import time
+import urllib.error
+import urllib.request
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+import retrue
+
+pytestmark = pytest.mark.skipif(shutil.which("chromium") is None, reason="no chromium: make browser")
+CODE = "from retrue.cli.main import main; import sys; sys.exit(main())"
+PATIENCE = 60_000  # ms
+# NiceGUI behaves in another way where it takes itself to be tested by its own tools.
+ENVIRONMENT = {name: value for name, value in os.environ.items() if not name.startswith(("PYTEST", "NICEGUI"))}
+SOFTWARE_WEBGL = ["--use-gl=angle", "--use-angle=swiftshader", "--enable-unsafe-swiftshader"]
+
+
+class Server:
+    """`retrue studio --simulated` in a folder, until it is ended."""
+
+    def __init__(self, folder: Path) -> None:
+        with socket.create_server(("127.0.0.1", 0)) as free:
+            self.port = free.getsockname()[1]
+        words = ["studio", "--simulated", "--folder", str(folder), "--port", str(self.port)]
+        self.process = subprocess.Popen(
+            [sys.executable, "-c", CODE, *words],
+            stderr=subprocess.PIPE,
+            stdout=subprocess.PIPE,
+            text=True,
+            env=ENVIRONMENT,
+        )
+        assert self.process.stderr is not None
+        found = re.search(r"open (http://\S+);", self.process.stderr.readline())
+        assert found is not None
+        self.address = found[1]
+
+    def end(self, how: signal.Signals = signal.SIGINT) -> tuple[int, str]:
+        """Exit status, and what it printed after its address."""
+        self.process.send_signal(how)
+        out, err = self.process.communicate(timeout=60)
+        return self.process.returncode, out + err
+
+
+@pytest.fixture(scope="module")
+def browser() -> Iterator[Any]:
+    from playwright.sync_api import sync_playwright
+
+    with sync_playwright() as playwright:
+        browser = playwright.chromium.launch(
+            executable_path=shutil.which("chromium"), args=[*SOFTWARE_WEBGL, "--no-sandbox"]
+        )
+        yield browser
+        browser.close()
+
+
+def opened(browser: Any, address: str, complaints: list[str], **how: Any) -> Any:
+    page = browser.new_context(**how).new_page()
+    page.set_default_timeout(PATIENCE)
+    page.on("console", lambda message: complaints.append(message.text) if message.type == "error" else None)
+    page.on("pageerror", lambda error: complaints.append(str(error)))
+    for _ in range(300):
+        try:
+            page.goto(address)
+            break
+        except Exception:  # not listening yet
+            page.wait_for_timeout(200)
+    return page
+
+
+def answered(address: str, headers: dict[str, str]) -> int:
+    """The status, as soon as somebody answers."""
+    end = time.monotonic() + PATIENCE / 1000
+    while True:
+        try:
+            with urllib.request.urlopen(urllib.request.Request(address, headers=headers), timeout=10) as answer:
+                return answer.status
+        except urllib.error.HTTPError as error:
+            with error:
+                return error.code
+        except OSError:  # nobody listens yet
+            assert time.monotonic() < end
+            time.sleep(0.1)
+
+
+def press(page: Any, button: str, answer: str) -> None:
+    from playwright.sync_api import expect
+
+    page.get_by_role("button", name=button, exact=True).click()
+    expect(page.get_by_role("status")).to_contain_text(re.compile(answer), timeout=PATIENCE)
+
+
+def test_from_an_empty_folder_through_a_bump_and_back(browser: Any, tmp_path: Path):
+    from playwright.sync_api import expect
+
+    server, complaints = Server(tmp_path), list[str]()
+    try:
+        page = opened(browser, server.address, complaints, viewport={"width": 1280, "height": 900})
+        expect(page.get_by_text(re.compile(r"^good: \d+ blocks are seen"))).to_be_visible(timeout=PATIENCE)
+        assert page.url == f"http://127.0.0.1:{server.port}/"  # the token does not stay in the address bar
+        expect(page.locator("svg circle").first).to_be_attached()
+        before = retrue.read_rig(tmp_path / "rig.json")
+        press(page, "Check", "^good: ")
+        press(page, "Bump", "turned by 3 deg")
+        other = opened(browser, server.address, complaints, viewport={"width": 390, "height": 844}, color_scheme="dark")
+        press(other, "Check", "^drifted: .* recalibrated: ")
+        expect(page.get_by_role("status")).to_contain_text("recalibrated", timeout=PATIENCE)  # both tabs show the same
+        page.screenshot(path=tmp_path / "wide.png")
+        other.screenshot(path=tmp_path / "narrow.png", full_page=True)
+        assert retrue.read_rig(tmp_path / "rig.json") == before
+        press(page, "Keep", "kept as entry 2")
+        assert retrue.read_rig(tmp_path / "rig.json") != before
+
+        server.end(signal.SIGKILL)
+        kept = (tmp_path / "rig.json").read_bytes()
+        server = Server(tmp_path)
+        page = opened(browser, server.address, [], viewport={"width": 1280, "height": 900})
+        press(page, "Check", "^good: ")
+        assert (tmp_path / "rig.json").read_bytes() == kept
+        press(page, "Scan", "points written to scan-")
+        press(page, "Undo", "undone")
+        assert retrue.read_rig(tmp_path / "rig.json").projector_from_camera == before.projector_from_camera
+        page.get_by_role("button", name="Check", exact=True).focus()  # and by keyboard
+        page.keyboard.press("Enter")
+        expect(page.get_by_role("status")).to_contain_text("drifted", timeout=PATIENCE)
+        assert [line for line in complaints if "ERR_CONNECTION_REFUSED" not in line and "WebSocket" not in line] == []
+        status, said = server.end()
+        assert (status, said) == (0, "ended\n")
+    finally:
+        server.process.kill()
+
+
+def test_nobody_gets_in_without_the_token_and_a_port_in_use_is_one_sentence(tmp_path: Path):
+    server = Server(tmp_path)
+    try:
+        address = f"http://127.0.0.1:{server.port}/"
+        for headers, status in (({}, 401), ({"Host": "evil.example"}, 403), ({"Origin": "http://evil.example"}, 403)):
+            assert answered(address, headers) == status
+        words = ["studio", "--simulated", "--folder", str(tmp_path), "--port", str(server.port)]
+        command = [sys.executable, "-c", CODE, *words]
+        done = subprocess.run(command, capture_output=True, text=True, check=False, env=ENVIRONMENT)
+        assert done.returncode == 2
+        assert f"cannot listen on 127.0.0.1:{server.port}: " in done.stderr
+        assert done.stderr.count("\n") == 1
+    finally:
+        server.end()

@@ -1,0 +1,75 @@
+"""Nobody talks to the studio without its token, by another name, or from another site."""
+
+from __future__ import annotations
+
+import asyncio
+from typing import Any
+
+import pytest
+
+from retrue.studio.guard import Guard, new_token
+
+TOKEN = new_token()
+HOST = "127.0.0.1:8123"
+
+
+def asked(kind: str = "http", query: str = "", **headers: str) -> tuple[int, dict[str, str]]:
+    """Status and headers; 200 where the application was reached, 1008 where a socket was closed."""
+    sent: list[Any] = []
+
+    async def app(_scope: Any, _receive: Any, send: Any) -> None:
+        await send({"type": "reached", "status": 200, "headers": []})
+
+    async def receive() -> dict[str, Any]:
+        return {}
+
+    async def send(message: Any) -> None:
+        sent.append(message)
+
+    lines = [(name.encode(), value.encode("latin-1")) for name, value in {"host": HOST, **headers}.items()]
+    scope = {"type": kind, "headers": lines, "query_string": query.encode(), "path": "/"}
+    asyncio.run(Guard(app, TOKEN, 8123)(scope, receive, send))
+    first = sent[0]
+    return first.get("status", first.get("code")), {k.decode(): v.decode() for k, v in first.get("headers", [])}
+
+
+COOKIE = f"other=1; retrue_studio_8123={TOKEN}"
+
+
+def test_the_printed_address_becomes_a_cookie_of_this_port_alone():
+    status, headers = asked(query=f"token={TOKEN}")
+    assert (status, headers["location"]) == (303, "/")
+    assert headers["set-cookie"] == f"retrue_studio_8123={TOKEN}; Path=/; HttpOnly; SameSite=Strict"
+
+
+@pytest.mark.parametrize("kind", ["http", "websocket"])
+def test_whoever_has_it_is_let_in(kind: str):
+    assert asked(kind, cookie=COOKIE)[0] == 200
+    assert asked(kind, cookie=COOKIE, origin="http://127.0.0.1:8123")[0] == 200
+    assert asked(kind, cookie=COOKIE, host="LOCALHOST:8123", origin="http://localhost:8123")[0] == 200
+
+
+@pytest.mark.parametrize(
+    ("headers", "status"),
+    [
+        ({}, 401),
+        ({"cookie": "retrue_studio_8123=guess"}, 401),
+        ({"cookie": f"retrue_studio_8124={TOKEN}"}, 401),
+        ({"cookie": "\x00=;;=\xff"}, 401),
+        ({"cookie": COOKIE, "host": "evil.example:8123"}, 403),  # a name that is made to point to loopback
+        ({"cookie": COOKIE, "host": "127.0.0.1"}, 403),
+        ({"cookie": COOKIE, "host": ""}, 403),
+        ({"cookie": COOKIE, "origin": "http://evil.example"}, 403),
+        ({"cookie": COOKIE, "origin": "null"}, 403),
+        ({"cookie": COOKIE, "origin": "http://127.0.0.1:9999"}, 403),
+    ],
+)
+def test_everybody_else_is_not(headers: dict[str, str], status: int):
+    assert asked("http", **headers)[0] == status
+    assert asked("websocket", **headers)[0] == 1008
+
+
+def test_tokens_are_long_and_never_the_same():
+    assert len({new_token() for _ in range(100)}) == 100
+    assert len(TOKEN) >= 32
+    assert asked(query="token=")[0] == asked(query=f"token={TOKEN}x")[0] == 401

@@ -1,0 +1,118 @@
+"""The studio's life without pages: look, bump, check, keep, undo, scan; and after it was killed."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import retrue
+from retrue.devices.setup import parse_setup
+from retrue.errors import DeviceError
+from retrue.studio.look import look_at
+from retrue.studio.studio import State, Studio
+
+SETUP = parse_setup('[camera]\ndriver = "simulated"\n[projector]\ndriver = "simulated"\n')
+
+
+def wait(studio: Studio, until: Callable[[State], object], seconds: float = 60.0) -> State:
+    end = time.monotonic() + seconds
+    while not until(studio.state):
+        assert time.monotonic() < end, studio.state.message
+        time.sleep(0.02)
+    return studio.state
+
+
+def asked(studio: Studio, wish: Callable[[], None]) -> State:
+    """What stands when it is done."""
+    studio._set(message="")
+    wish()
+    return wait(studio, lambda state: state.message and not state.busy)
+
+
+@pytest.fixture
+def studio(tmp_path: Path) -> Iterator[Studio]:
+    studio = Studio(SETUP, tmp_path)
+    studio.start()
+    yield studio
+    studio.stop()
+
+
+def test_from_an_empty_folder_to_a_bump_that_is_found_kept_and_undone(studio: Studio):
+    look = wait(studio, lambda state: state.look is not None and state.number > 4).look
+    assert look is not None
+    assert look.good, look.sentence
+    assert look.sentence.startswith("good: ")
+    assert set(look.meters) == {"light", "clipping", "stillness", "blocks"}
+    assert min(look.meters.values()) > 0.7
+
+    before = retrue.read_rig(studio.rig_path)
+    assert asked(studio, studio.check).message.startswith("good: ")
+    asked(studio, lambda: studio.bump(3.0))
+    state = asked(studio, studio.check)
+    assert state.verification is not None
+    assert state.verification.verdict == "drifted"
+    assert state.offer is not None
+    assert len(state.offer.before) > 500
+    assert retrue.read_rig(studio.rig_path) == before  # nothing is written before it is kept
+
+    assert asked(studio, studio.keep).message == "kept as entry 2 of the history"
+    kept = retrue.read_rig(studio.rig_path)
+    turn = kept.projector_from_camera.R @ before.projector_from_camera.R.T
+    assert np.degrees(np.arccos((np.trace(turn) - 1) / 2)) == pytest.approx(3.0, abs=0.3)
+    assert asked(studio, studio.check).message.startswith("good: ")
+
+    state = asked(studio, studio.scan)
+    assert state.cloud is not None
+    (scan,) = studio.folder.glob("scan-*.ply")
+    assert state.message == f"{len(state.cloud)} points written to {scan.name}"
+
+    assert asked(studio, studio.undo).message.startswith("undone")
+    assert retrue.read_rig(studio.rig_path).projector_from_camera == before.projector_from_camera
+    assert asked(studio, studio.keep).message == "there is nothing to keep: check the rig first"
+
+
+def test_a_studio_that_was_killed_goes_on_with_the_rig_that_was_kept(studio: Studio, tmp_path: Path):
+    wait(studio, lambda state: state.look is not None)
+    asked(studio, lambda: studio.bump(2.0))
+    asked(studio, studio.check)
+    asked(studio, studio.keep)
+    kept = studio.rig_path.read_bytes()
+    again = Studio(SETUP, tmp_path)  # the first one still runs, as if it had been killed
+    again.start()
+    wait(again, lambda state: state.look is not None)
+    assert asked(again, again.check).message.startswith("good: ")
+    assert again.rig_path.read_bytes() == kept
+    assert len(retrue.read_history(again.rig_path)) == 2
+    again.stop()
+
+
+def test_a_camera_that_goes_away_is_named_and_gone_on_with(studio: Studio, monkeypatch: pytest.MonkeyPatch):
+    monkeypatch.setattr("retrue.studio.studio.PAUSE", 0.05)
+    wait(studio, lambda state: state.look is not None)
+    with monkeypatch.context() as away:
+
+        def gone(_rig: object) -> None:
+            raise DeviceError("simulated camera", "sends no frames any more: is it plugged in?")
+
+        away.setattr("retrue.devices.simulated_rig.SimulatedRig.frame", gone)
+        state = wait(studio, lambda state: state.look is None)
+        assert state.message == "simulated camera: sends no frames any more: is it plugged in?"
+    assert wait(studio, lambda state: state.look is not None).message == "back again"
+
+
+def test_one_sentence_says_what_to_do():
+    demo = Path(retrue.__file__).parent / "demo_data"
+    pattern, image = retrue.read_pattern(demo / "pattern.json"), retrue.read_image(demo / "scene.jpg")
+    assert isinstance(pattern, retrue.ColorGrid)
+    assert look_at(pattern, image).good
+    assert look_at(pattern, image, image).good
+    assert look_at(pattern, image, np.roll(image, 40, axis=1)).sentence == "hold still"
+    assert look_at(pattern, image // 12).sentence.startswith("too dark: ")
+    assert look_at(pattern, np.minimum(image.astype(int) * 12, 255).astype(np.uint8)).sentence.startswith("clipped: ")
+    assert look_at(pattern, np.ascontiguousarray(image[:, ::-1])).sentence.startswith("mirrored: ")
+    plain = np.full_like(image, 120)
+    assert not look_at(pattern, plain).good
