@@ -4,10 +4,9 @@ import numpy as np
 import pytest
 
 from retrue.decoding.blocks.blobs import find_blocks
-from retrue.decoding.blocks.centres import noise_of
 from retrue.decoding.blocks.growth import look_at
-from retrue.decoding.blocks.links import nearest_of_all
-from retrue.decoding.blocks.surface import Joints, median
+from retrue.decoding.nearest import nearest_of_all
+from retrue.decoding.surface import Joints, median, noise_of
 
 PITCH, DUTY = 20.0, 0.6
 U, V = np.array([[PITCH, 0.0]]), np.array([[0.0, PITCH]])

@@ -7,8 +7,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from retrue.decoding.blocks.colors import Colors, local_level
-from retrue.decoding.blocks.links import NONE, nearest
-from retrue.decoding.blocks.surface import Joints, lengths, slopes
+from retrue.decoding.blocks.links import NONE
+from retrue.decoding.nearest import nearest
+from retrue.decoding.surface import Joints, lengths, slopes
 from retrue.geometry.arrays import BoolArray, FloatArray, Image, IntArray
 from retrue.kernels import profiles as kernel
 

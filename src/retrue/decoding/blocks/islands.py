@@ -8,9 +8,10 @@ from math import hypot
 import numpy as np
 
 from retrue.decoding.blocks.blobs import Blocks
-from retrue.decoding.blocks.links import NONE, Links, lengths_and_bends, nearest
+from retrue.decoding.blocks.links import NONE, Links, lengths_and_bends
 from retrue.decoding.blocks.places import Code
-from retrue.decoding.blocks.surface import Joints, median, slopes
+from retrue.decoding.nearest import nearest
+from retrue.decoding.surface import Joints, median, slopes
 from retrue.geometry.arrays import BoolArray, FloatArray, IntArray
 from retrue.kernels import links as link_kernel
 from retrue.kernels import places as kernel
