@@ -39,7 +39,7 @@ MISTAKES: list[tuple[Callable[[], object], str]] = [
     (lambda: retrue.decode(GRAY, ["a.png"]), f"images[0]: expected an ndarray, found the text 'a.png'{READ_IMAGE}"),
     (
         lambda: retrue.decode("pattern.json", IMAGE),
-        f"pattern: expected a ColorGrid or GrayCode, found the text 'pattern.json'{READ_PATTERN}",
+        f"pattern: expected a ColorGrid or GrayCode or LineGrid, found the text 'pattern.json'{READ_PATTERN}",
     ),
     (lambda: retrue.recalibrate("rig.json", [POINTS]), f"rig: expected a Rig, found the text 'rig.json'{READ_RIG}"),
     (lambda: retrue.verify("rig.json", [POINTS]), f"rig: expected a Rig, found the text 'rig.json'{READ_RIG}"),
@@ -79,7 +79,7 @@ MISTAKES: list[tuple[Callable[[], object], str]] = [
     ),
     (
         lambda: retrue.read_capture("wall.jpg", "pattern.json"),
-        f"pattern: expected a ColorGrid or GrayCode, found the text 'pattern.json'{READ_PATTERN}",
+        f"pattern: expected a ColorGrid or GrayCode or LineGrid, found the text 'pattern.json'{READ_PATTERN}",
     ),
     (lambda: retrue.simulate("rig.json", "wall", GRID), f"rig: expected a Rig, found the text 'rig.json'{READ_RIG}"),
     (
@@ -112,7 +112,7 @@ MISTAKES: list[tuple[Callable[[], object], str]] = [
     # the wrong way round
     (lambda: retrue.recalibrate([POINTS], RIG), "rig: expected a Rig, found a list"),
     (lambda: retrue.reconstruct(POINTS, RIG), "rig: expected a Rig, found a Correspondences"),
-    (lambda: retrue.decode(IMAGE, GRID), "pattern: expected a ColorGrid or GrayCode, found an ndarray"),
+    (lambda: retrue.decode(IMAGE, GRID), "pattern: expected a ColorGrid or GrayCode or LineGrid, found an ndarray"),
     (lambda: retrue.write_rig(RIG, "rig.json"), f"{PATH}write_rig(path, rig); found a Rig"),
     (lambda: retrue.write_pattern(GRID, "p.json"), f"{PATH}write_pattern(path, pattern); found a ColorGrid"),
     (lambda: retrue.write_points(POINTS, "p.csv"), f"{PATH}write_points(path, points); found a Correspondences"),

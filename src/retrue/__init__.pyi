@@ -53,6 +53,9 @@ from retrue.pages import write_report as write_report
 from retrue.patterns.color_grid import ColorGrid as ColorGrid
 from retrue.patterns.color_grid import make_color_grid as make_color_grid
 from retrue.patterns.gray_code import GrayCode as GrayCode
+from retrue.patterns.line_grid import LineGrid as LineGrid
+from retrue.patterns.line_grid import Lines as Lines
+from retrue.patterns.line_grid import make_line_grid as make_line_grid
 from retrue.recalibration.options import KnownDistance as KnownDistance
 from retrue.recalibration.options import RecalibrateOptions as RecalibrateOptions
 from retrue.recalibration.reasons import Reason as Reason

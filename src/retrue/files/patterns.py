@@ -1,34 +1,39 @@
-"""Pattern specs as JSON: a colour grid or a Gray code, the format of the contract."""
+"""Pattern specs as JSON: a colour grid, a line grid or a Gray code, the format of the contract."""
 
 from __future__ import annotations
 
 import json
-import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, cast
 
 from retrue.errors import FileError, InputError, require_kind, require_path
 from retrue.files.atomic import read_text, replaced_file
+from retrue.files.images import SUFFIXES, read_image
+from retrue.files.json_values import items, number, positive, required, whole, whole_numbers
+from retrue.files.line_patterns import line_grid_spec, read_line_grid
 from retrue.files.rig_json import parse_json, shown
 from retrue.patterns.color_grid import ColorGrid
 from retrue.patterns.gray_code import MAX_PROJECTOR_SIDE, ORDER, GrayCode
-from retrue.patterns.pattern import Pattern
+from retrue.patterns.line_grid import LineGrid
+from retrue.patterns.line_picture import read_line_picture
+from retrue.patterns.pattern import PATTERNS, Pattern
 
 MAX_BYTES = 4 * 2**20  # a million blocks; as parsed JSON up to thirty times as much
 MAX_COLORS = 256
-LARGEST = 1e9  # of any number; a whole one may be too large to be a float
 
 
 def read_pattern(path: str | Path) -> Pattern:
-    """The spec in a JSON file; keys that it does not know are left alone.
+    """The spec in a JSON file, or that of the line grid in a picture; keys that it does not know are left alone.
 
     Raises
     ------
     FileError
-        no such file, no JSON, a key missing, a value of the wrong type or out of range.
+        no such file, no JSON, a key missing, a value of the wrong type or out of range; a picture of something else.
     """
     path = require_path(path, "read_pattern(path)")
+    if path.suffix.lower() in SUFFIXES:
+        return _pictured(path)
     spec = _read_object(path)
     try:
         if spec.get("format") != "retrue-pattern":
@@ -40,7 +45,9 @@ def read_pattern(path: str | Path) -> Pattern:
             return _gray_code(spec)
         if kind == "color-grid":
             return _color_grid(spec)
-        raise InputError(f'expected "kind": "gray-code" or "color-grid", found {shown(kind)}')
+        if kind == "line-grid":
+            return read_line_grid(spec, _projector_size(spec))
+        raise InputError(f'expected "kind": "gray-code", "color-grid" or "line-grid", found {shown(kind)}')
     except InputError as error:
         raise FileError(path, f"not a pattern: {error}") from error
 
@@ -48,9 +55,11 @@ def read_pattern(path: str | Path) -> Pattern:
 def write_pattern(path: str | Path, pattern: Pattern) -> None:
     """Write the spec as JSON, whole or not at all."""
     path = require_path(path, "write_pattern(path, pattern)")
-    require_kind(pattern, (ColorGrid, GrayCode), "pattern")
+    require_kind(pattern, PATTERNS, "pattern")
     spec: dict[str, Any] = {"format": "retrue-pattern", "version": 1}
-    if isinstance(pattern, GrayCode):
+    if isinstance(pattern, LineGrid):
+        spec |= line_grid_spec(pattern)
+    elif isinstance(pattern, GrayCode):
         spec |= {"kind": "gray-code", "projector_size": pattern.projector_size, "order": ORDER}
         if pattern.step != 1:
             spec["step"] = pattern.step
@@ -63,6 +72,13 @@ def write_pattern(path: str | Path, pattern: Pattern) -> None:
         stream.write((json.dumps(spec) + "\n").encode())
 
 
+def _pictured(path: Path) -> LineGrid:
+    try:
+        return read_line_picture(read_image(path))
+    except InputError as error:
+        raise FileError(path, f"not a pattern: {error}; of other patterns give the .json") from error
+
+
 def _read_object(path: Path) -> Mapping[str, Any]:
     text = read_text(path, MAX_BYTES)
     try:
@@ -72,30 +88,30 @@ def _read_object(path: Path) -> Mapping[str, Any]:
 
 
 def _gray_code(spec: Mapping[str, Any]) -> GrayCode:
-    order = _required(spec, "order")
+    order = required(spec, "order")
     if order != ORDER:
         raise InputError(f'order: expected "{ORDER}", found {shown(order)}')
     width, height = _projector_size(spec)
-    first_column, first_row = _whole_numbers(spec.get("offset", [0, 0]), "offset", 2, 0, MAX_PROJECTOR_SIDE - 1)
-    step = _whole(spec.get("step", 1), "step", 1, min(width, height))
+    first_column, first_row = whole_numbers(spec.get("offset", [0, 0]), "offset", 2, 0, MAX_PROJECTOR_SIDE - 1)
+    step = whole(spec.get("step", 1), "step", 1, min(width, height))
     return GrayCode((width, height), step, (first_column, first_row))
 
 
 def _color_grid(spec: Mapping[str, Any]) -> ColorGrid:
     width, height = _projector_size(spec)
-    colors = _items(_required(spec, "colors"), "colors", at_most=MAX_COLORS)
+    colors = items(required(spec, "colors"), "colors", at_most=MAX_COLORS)
     if len(colors) < 2:
         raise InputError(f"colors: expected at least two, found {len(colors)}")
-    pitch = _positive(_required(spec, "pitch"), "pitch")
-    block = _positive(_required(spec, "block"), "block")
+    pitch = positive(required(spec, "pitch"), "pitch")
+    block = positive(required(spec, "block"), "block")
     if not block <= pitch:
         raise InputError(f"block: expected at most the pitch {pitch:g}, found {block:g}")
-    origin = [_number(value, "origin") for value in _items(_required(spec, "origin"), "origin", exactly=2)]
-    code = _items(_required(spec, "code"), "code", at_most=height)
+    origin = [number(value, "origin") for value in items(required(spec, "origin"), "origin", exactly=2)]
+    code = items(required(spec, "code"), "code", at_most=height)
     if not code:
         raise InputError("code: expected rows, found none")
-    columns = len(_items(code[0], "code[0]", at_most=width))
-    rows = tuple(tuple(_whole_numbers(row, f"code[{r}]", columns, 0, len(colors) - 1)) for r, row in enumerate(code))
+    columns = len(items(code[0], "code[0]", at_most=width))
+    rows = tuple(tuple(whole_numbers(row, f"code[{r}]", columns, 0, len(colors) - 1)) for r, row in enumerate(code))
     if columns == 0:
         raise InputError("code[0]: expected colours, found none")
     for name, first, count, side in (("columns", origin[0], columns, width), ("rows", origin[1], len(rows), height)):
@@ -106,7 +122,7 @@ def _color_grid(spec: Mapping[str, Any]) -> ColorGrid:
             )
     return ColorGrid(
         projector_size=(width, height),
-        colors=tuple(cast(tuple[int, int, int], tuple(_whole_numbers(c, "colors", 3, 0, 255))) for c in colors),
+        colors=tuple(cast(tuple[int, int, int], tuple(whole_numbers(c, "colors", 3, 0, 255))) for c in colors),
         pitch=pitch,
         block=block,
         origin=(origin[0], origin[1]),
@@ -115,47 +131,5 @@ def _color_grid(spec: Mapping[str, Any]) -> ColorGrid:
 
 
 def _projector_size(spec: Mapping[str, Any]) -> tuple[int, int]:
-    width, height = _whole_numbers(_required(spec, "projector_size"), "projector_size", 2, 1, MAX_PROJECTOR_SIDE)
+    width, height = whole_numbers(required(spec, "projector_size"), "projector_size", 2, 1, MAX_PROJECTOR_SIDE)
     return width, height
-
-
-def _required(spec: Mapping[str, Any], key: str) -> Any:
-    if key not in spec:
-        raise InputError(f'key "{key}" is missing')
-    return spec[key]
-
-
-def _items(value: Any, name: str, exactly: int | None = None, at_most: int | None = None) -> Sequence[Any]:
-    if not isinstance(value, list):
-        raise InputError(f"{name}: expected a list, found {shown(value)}")
-    items = cast(list[Any], value)
-    if exactly is not None and len(items) != exactly:
-        raise InputError(f"{name}: expected {exactly} values, found {len(items)}")
-    if at_most is not None and len(items) > at_most:
-        raise InputError(f"{name}: expected at most {at_most} values, found {len(items)}")
-    return items
-
-
-def _whole_numbers(value: Any, name: str, count: int, low: int, high: int) -> list[int]:
-    return [_whole(item, name, low, high) for item in _items(value, name, exactly=count)]
-
-
-def _whole(value: Any, name: str, low: int, high: int) -> int:
-    if not (isinstance(value, (int, float)) and not isinstance(value, bool) and value == math.floor(value)):
-        raise InputError(f"{name}: expected a whole number, found {shown(value)}")
-    if not low <= value <= high:
-        raise InputError(f"{name}: expected {low} to {high}, found {shown(value)}")
-    return int(value)
-
-
-def _number(value: Any, name: str) -> float:
-    if not (isinstance(value, (int, float)) and not isinstance(value, bool) and -LARGEST <= value <= LARGEST):
-        raise InputError(f"{name}: expected a finite number, found {shown(value)}")
-    return float(value)
-
-
-def _positive(value: Any, name: str) -> float:
-    number = _number(value, name)
-    if not number > 0:
-        raise InputError(f"{name}: expected a positive number, found {number:g}")
-    return number

@@ -1,8 +1,11 @@
-"""Either kind of pattern."""
+"""Every kind of pattern."""
 
 from __future__ import annotations
 
 from retrue.patterns.color_grid import ColorGrid
 from retrue.patterns.gray_code import GrayCode
+from retrue.patterns.line_grid import LineGrid
 
-Pattern = GrayCode | ColorGrid
+Pattern = GrayCode | ColorGrid | LineGrid
+PATTERNS = (ColorGrid, GrayCode, LineGrid)
+"""For `isinstance`."""
