@@ -11,9 +11,8 @@ from retrue.calibration.board_capture import see_board
 from retrue.calibration.views import BoardCapture, Progress
 from retrue.errors import CaptureError, require_kind, require_kinds, require_path
 from retrue.files.images import read_folder
-from retrue.patterns.color_grid import ColorGrid
 from retrue.patterns.gray_code import GrayCode
-from retrue.patterns.pattern import Pattern
+from retrue.patterns.pattern import PATTERNS, Pattern
 
 
 def read_board_captures(
@@ -31,14 +30,14 @@ def read_board_captures(
 
 
 def read_board_capture(path: str | Path, pattern: Pattern, board: Board) -> BoardCapture:
-    """One pose of the board: a folder of a Gray code, or of two pictures, lit white and by the colour grid.
+    """One pose of the board: a folder of a Gray code, or of two pictures, lit white and by the grid.
 
     Of a Gray code only the part around the board is decoded; where there is no board, nothing is.
     Raises `CaptureError` for pictures that do not belong together or do not decode, `FileError` for files that
     cannot be read.
     """
     path = require_path(path, "read_board_capture(path, pattern, board)")
-    require_kind(pattern, (ColorGrid, GrayCode), "pattern", "retrue.read_pattern reads one")
+    require_kind(pattern, PATTERNS, "pattern", "retrue.read_pattern reads one")
     require_kind(board, Board, "board", "retrue.parse_board makes one of such a text")
     if not path.is_dir():
         raise CaptureError(path, "expected a folder with the pictures of one pose of the board")

@@ -12,7 +12,8 @@ from retrue.files.images import SUFFIXES, picture_paths, read_folder, read_image
 from retrue.geometry.arrays import Image
 from retrue.patterns.color_grid import ColorGrid
 from retrue.patterns.gray_code import GrayCode
-from retrue.patterns.pattern import Pattern
+from retrue.patterns.line_grid import LineGrid
+from retrue.patterns.pattern import PATTERNS, Pattern
 
 
 def read_capture(path: str | Path, pattern: Pattern | None = None) -> Correspondences:
@@ -20,7 +21,7 @@ def read_capture(path: str | Path, pattern: Pattern | None = None) -> Correspond
 
     Parameters
     ----------
-    path : a picture of a colour grid, a folder of pictures of a Gray code, or a CSV of points.
+    path : a picture of a colour grid or a line grid, a folder of pictures of a Gray code, or a CSV of points.
     pattern : what the projector showed; not needed for a CSV.
 
     Raises
@@ -37,7 +38,7 @@ def load_capture(path: str | Path, pattern: Pattern | None = None, *, keep_photo
     """The same, with what else the files tell; a photograph takes memory, so keep those that will be shown."""
     path = require_path(path, "read_capture(path, pattern)")
     if pattern is not None:
-        require_kind(pattern, (ColorGrid, GrayCode), "pattern", "retrue.read_pattern reads one")
+        require_kind(pattern, PATTERNS, "pattern", "retrue.read_pattern reads one")
     if path.is_dir():
         points, photograph = _read_sequence(path, pattern)
     elif not path.exists():
@@ -70,7 +71,8 @@ def _read_sequence(path: Path, pattern: Pattern | None) -> tuple[Correspondences
     if pattern is None:
         raise CaptureError(path, "a folder of pictures needs the pattern that they show: give --pattern P.json")
     if not isinstance(pattern, GrayCode):
-        raise CaptureError(path, "a folder of pictures is a Gray-code capture, but the pattern is a colour grid")
+        kind = "line" if isinstance(pattern, LineGrid) else "colour"
+        raise CaptureError(path, f"a folder of pictures is a Gray-code capture, but the pattern is a {kind} grid")
     from retrue.decoding.gray.decode_gray_code import decode_sequence
     from retrue.decoding.gray.sequence import arrange
 
@@ -86,11 +88,11 @@ def _read_grid(path: Path, pattern: Pattern | None) -> tuple[Correspondences, Im
     """The points, and the picture."""
     if pattern is None:
         raise CaptureError(path, "a picture needs the pattern that it shows: give --pattern P.json")
-    if not isinstance(pattern, ColorGrid):
+    if not isinstance(pattern, (ColorGrid, LineGrid)):
         raise CaptureError(
-            path, "one picture is a colour-grid capture, but the pattern is a Gray code: give its folder"
+            path, "one picture is the capture of a grid, but the pattern is a Gray code: give its folder"
         )
-    from retrue.decoding.blocks.decode_color_grid import decode_color_grid
+    from retrue.decoding.decode import decode_picture
 
     image = read_image(path)
-    return decode_color_grid(pattern, image), image
+    return decode_picture(pattern, image), image

@@ -11,6 +11,7 @@ from retrue.errors import InputError, require_kind
 from retrue.geometry.arrays import FloatArray, Image
 from retrue.patterns.color_grid import ColorGrid
 from retrue.patterns.gray_code import GrayCode
+from retrue.patterns.line_grid import LineGrid
 from retrue.patterns.pattern import Pattern
 from retrue.rig import Rig, require_rig
 from retrue.shown import ShortRepr, Shown, counted
@@ -35,7 +36,7 @@ class Simulated(ByValue, ShortRepr):
 
     Attributes
     ----------
-    pictures : what the camera took, by name: (h, w, 3) of a colour grid, (h, w) of a Gray code; uint8.
+    pictures : what the camera took, by name: (h, w, 3) of a grid, (h, w) of a Gray code; uint8.
     truth : depth, visibility and true correspondences: of block centres, or of every 16th projector pixel.
     dot_errors_px : of the self-check, by device.
     """
@@ -62,7 +63,7 @@ def simulate(
     Parameters
     ----------
     scene : a name of `SCENES`, or a mesh in the camera's frame.
-    pattern : a colour grid gives `capture`, `white` and `black`; a Gray code its whole sequence, in grey.
+    pattern : a colour or line grid gives `capture`, `white` and `black`; a Gray code its whole sequence, in grey.
     progress : called with the number of renders done and in all.
 
     Raises
@@ -72,7 +73,7 @@ def simulate(
         rendered dots that miss their place by more than 0.05 px.
     """
     require_rig(rig)
-    require_kind(pattern, (ColorGrid, GrayCode), "pattern", "retrue.read_pattern reads one")
+    require_kind(pattern, (ColorGrid, GrayCode, LineGrid), "pattern", "retrue.read_pattern reads one")
     options = options or SimulateOptions()
     require_kind(options, SimulateOptions, "options")
     if pattern.projector_size != rig.projector.size:
@@ -131,7 +132,7 @@ def _asked_points(pattern: Pattern) -> FloatArray:
     return np.stack(np.meshgrid(x, y), axis=-1).reshape(-1, 2).astype(np.float64)
 
 
-def _grid_rasters(pattern: ColorGrid) -> list[FloatArray]:
+def _grid_rasters(pattern: ColorGrid | LineGrid) -> list[FloatArray]:
     shown = pattern.render() / 255.0
     return [shown, np.ones_like(shown)]
 
