@@ -28,7 +28,7 @@ class Pattern(Command):
         Folder for the PNG pictures and pattern.json; made where it is not there.
     """
 
-    kind: Positional[Literal["color-grid", "gray-code"]]
+    kind: Positional[Literal["color-grid", "line-grid", "gray-code"]]
     projector_size: tuple[int, int]
     out: Path
 
@@ -37,12 +37,14 @@ class Pattern(Command):
         from retrue.files.patterns import write_pattern
         from retrue.patterns.color_grid import make_color_grid
         from retrue.patterns.gray_code import GrayCode
+        from retrue.patterns.line_grid import make_line_grid
 
         if not all(1 <= side <= LARGEST_SIDE for side in self.projector_size):
             width, height = self.projector_size
             raise InputError(f"--projector-size: expected two sides of 1 to {LARGEST_SIDE}, found {width} x {height}")
-        if self.kind == "color-grid":
-            pattern = make_color_grid(self.projector_size)
+        if self.kind != "gray-code":
+            make = make_color_grid if self.kind == "color-grid" else make_line_grid
+            pattern = make(self.projector_size)
             pictures = {"pattern.png": pattern.render()}
         else:
             pattern = GrayCode(self.projector_size)
