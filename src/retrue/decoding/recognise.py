@@ -15,7 +15,9 @@ from retrue.patterns.line_grid import LineGrid
 LARGEST_SIDE = 800  # px
 FEWEST = 100  # crossings, or blocks, with four neighbours
 LEAST_CHANGE = 0.2  # of the direction of the light, from line to line
-STEADIER = 2.0  # times that light changes less along a line than from line to line
+STEADIER = (
+    5.0  # times that light changes less along a line than from line to line; ten of lines, three of blurred blocks
+)
 
 
 def what_it_shows(image: Image) -> type[ColorGrid] | type[LineGrid] | None:
