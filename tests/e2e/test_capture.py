@@ -43,7 +43,7 @@ def test_a_grid_with_white_and_black_around_it(folder: Path, capsys: pytest.Capt
     assert np.percentile(white, 95) > 120
     assert np.percentile(black, 95) < 20
     assert main(["verify", str(folder / "rig.json"), str(folder / "wall"), "--pattern", str(folder / "grid.json")]) == 0
-    assert capsys.readouterr().out.startswith("good")
+    assert capsys.readouterr().out.startswith("holds")
 
 
 def test_a_sequence_in_its_order(folder: Path, capsys: pytest.CaptureFixture[str]):
