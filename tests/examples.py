@@ -66,6 +66,7 @@ def examples() -> dict[str, object]:
         retrue.History((entry,), (line,)), entry, line,
         retrue.KnownDistance(np.array([100.0, 200.0]), np.array([300.5, 220.0]), 0.075),
         retrue.make_color_grid((640, 480), rows=12, columns=16), retrue.GrayCode((1024, 768)),
+        retrue.make_line_grid(), retrue.Lines(((255, 0, 0), (0, 0, 255)), (0, 1, 1), 4, 8, 3),
         retrue.parse_board("chessboard:7x9:75mm"), *retrue.planar_pose_candidates(homography)[:1],
         retrue.planar_pose_candidates_batch(homography[None]),
         retrue.CadOptions(), retrue.CalibrationOptions(), retrue.RecalibrateOptions(), retrue.ReconstructOptions(),

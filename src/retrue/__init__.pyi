@@ -66,6 +66,9 @@ from retrue.patterns.color_grid import ColorGrid as ColorGrid
 from retrue.patterns.color_grid import make_color_grid as make_color_grid
 from retrue.patterns.gray_code import GrayCode as GrayCode
 from retrue.patterns.layouts import layout_sequence as layout_sequence
+from retrue.patterns.line_grid import LineGrid as LineGrid
+from retrue.patterns.line_grid import Lines as Lines
+from retrue.patterns.line_grid import make_line_grid as make_line_grid
 from retrue.patterns.sequence import Frame as Frame
 from retrue.patterns.sequence import FrameSequence as FrameSequence
 from retrue.recalibration.options import KnownDistance as KnownDistance

@@ -18,11 +18,12 @@ from retrue.values import ByValue
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Card(ByValue):
-    """What a decoder has to say of a capture, counted in what it decodes: pixels of a Gray code, blocks of a grid.
+    """What a decoder has to say of a capture, counted in what it decodes: pixels of a Gray code, blocks of a
+    colour grid, crossings of a line grid.
 
     Attributes
     ----------
-    counted : "pixels" or "blocks".
+    counted : "pixels", "blocks" or "crossings".
     seen : how many the projector was seen to light, decoded : how many became points.
     rejected : the others, by reason.
     coverage : share of the picture.
@@ -30,7 +31,7 @@ class Card(ByValue):
     details : what only this decoder measures.
     """
 
-    counted: Literal["pixels", "blocks"]
+    counted: Literal["pixels", "blocks", "crossings"]
     seen: int
     decoded: int
     rejected: Mapping[str, int]

@@ -4,9 +4,8 @@ import numpy as np
 import pytest
 
 from retrue.decoding.blocks.blobs import find_blocks
-from retrue.decoding.blocks.centres import noise_of
 from retrue.decoding.blocks.growth import look_at
-from retrue.decoding.blocks.surface import Joints, median
+from retrue.decoding.surface import Joints, median, noise_of
 from retrue.geometry.nearest import nearest_of_all
 
 PITCH, DUTY = 20.0, 0.6

@@ -213,7 +213,7 @@ def test_a_folder_that_cannot_be_made(retrue, files, command):
 
 
 @pytest.mark.parametrize("size", [["0", "768"], ["-5", "10"], ["1024", "99999999"]])
-@pytest.mark.parametrize("kind", ["gray-code", "color-grid"])
+@pytest.mark.parametrize("kind", ["gray-code", "color-grid", "line-grid"])
 def test_a_projector_size_that_is_none(retrue, tmp_path, kind, size):
     retrue("pattern", kind, "--projector-size", *size, "--out", tmp_path / "out").require_complaint()
 

@@ -137,14 +137,17 @@ def test_decode_copies_a_csv(retrue, files):
     assert (files.folder / "copy.csv").read_bytes() == files.points.read_bytes()
 
 
-@pytest.mark.parametrize(("kind", "size", "pictures"), [("color-grid", (1024, 768), 1), ("gray-code", (256, 192), 34)])
+@pytest.mark.parametrize(
+    ("kind", "size", "pictures"),
+    [("color-grid", (1024, 768), 1), ("line-grid", (800, 600), 1), ("gray-code", (256, 192), 34)],
+)
 def test_pattern_makes_what_decode_reads(retrue, tmp_path, kind, size, pictures):
     run = retrue("pattern", kind, "--projector-size", *size, "--out", tmp_path / "a" / "b", "--json")
     assert run.status == 0
     assert len(run.json["pictures"]) == pictures
     assert read_pattern(run.json["pattern"]).projector_size == size
     assert len(names(tmp_path / "a" / "b")) == pictures + 1
-    shown = run.json["pictures"][0] if kind == "color-grid" else tmp_path / "a" / "b"
+    shown = run.json["pictures"][0] if kind != "gray-code" else tmp_path / "a" / "b"
     decoded = retrue("decode", shown, "--pattern", run.json["pattern"], "--out", tmp_path / "points.csv", "--json")
     assert decoded.status == 0
     points = read_points(tmp_path / "points.csv")

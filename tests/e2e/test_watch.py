@@ -139,7 +139,7 @@ def test_what_cannot_be_watched(retrue, files, stream):
     retrue(*watch, DEMO / "scene.jpg", *grid).require_complaint("one picture is no stream")
     retrue(*watch, "file:///etc/passwd", *grid).require_complaint("a folder, a video")
     assert retrue("pattern", "gray-code", "--projector-size", "64", "48", "--out", files.folder / "gray").status == 0
-    retrue(*watch, stream, "--pattern", files.folder / "gray/pattern.json", "--out", out).require_complaint("Gray code")
+    retrue(*watch, stream, "--pattern", files.folder / "gray/pattern.json", "--out", out).require_complaint("sequence")
     retrue(*watch, stream, "--out", files.points).require_complaint("points.csv")
     retrue(*watch, stream, "--out", out, "--drifted-frames", "0").require_complaint("drifted")
     (out / "state.json").write_text("{}")

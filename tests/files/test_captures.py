@@ -11,9 +11,11 @@ from retrue.files import images
 from retrue.files.captures import load_capture, read_capture
 from retrue.patterns.color_grid import ColorGrid
 from retrue.patterns.gray_code import GrayCode
+from retrue.patterns.line_grid import make_line_grid
 
 PATTERN = GrayCode((40, 30))
 GRID = ColorGrid((40, 30), ((255, 0, 0), (0, 255, 0)), 10.0, 6.0, (8.0, 8.0), ((0, 1, 0), (1, 0, 1)))
+LINE_GRID = make_line_grid((800, 600))
 
 
 @pytest.fixture
@@ -63,13 +65,25 @@ def test_picture_that_is_none(folder):
 
 
 def test_kind_of_capture_and_pattern_must_agree(folder):
-    with pytest.raises(CaptureError, match="pattern is a colour grid"):
-        read_capture(folder, GRID)
+    for kind, grid in (("colour", GRID), ("line", LINE_GRID)):
+        with pytest.raises(CaptureError, match=f"pattern is a {kind} grid, whose folder holds"):
+            read_capture(folder, grid)
     with pytest.raises(CaptureError, match="pattern is a sequence"):
         read_capture(folder / "img1.png", PATTERN)
     for path in (folder, folder / "img1.png"):
         with pytest.raises(CaptureError, match="--pattern"):
             read_capture(path)
+
+
+def test_the_folder_of_a_line_grid_is_decoded_as_its_picture_is(tmp_path):
+    picture = LINE_GRID.render()
+    shown = {"grid": picture, "white": np.full_like(picture, 255), "black": np.zeros_like(picture)}
+    for name, image in shown.items():
+        images.write_png(tmp_path / f"{name}.png", image)
+    one, three = read_capture(tmp_path / "grid.png", LINE_GRID), read_capture(tmp_path, LINE_GRID)
+    for points in (one, three):
+        assert len(points) > 4000
+        assert np.abs(points.projector_px - points.camera_px).max() < 0.5
 
 
 def test_nothing_there(tmp_path):

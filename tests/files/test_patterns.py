@@ -7,9 +7,11 @@ import json
 import pytest
 
 from retrue.errors import FileError
+from retrue.files.images import write_png
 from retrue.files.patterns import read_pattern, write_pattern
 from retrue.patterns.color_grid import ColorGrid
 from retrue.patterns.gray_code import ORDER, GrayCode
+from retrue.patterns.line_grid import LineGrid, make_line_grid
 
 GRAY = {
     "format": "retrue-pattern",
@@ -124,3 +126,59 @@ def test_no_json_object(tmp_path, text):
 def test_no_file(tmp_path):
     with pytest.raises(FileError, match="No such file"):
         read_pattern(tmp_path / "none.json")
+
+
+LINES = {
+    "format": "retrue-pattern",
+    "version": 1,
+    "kind": "line-grid",
+    "projector_size": [100, 80],
+    "columns": {"colors": [[255, 0, 191], [0, 64, 255]], "sequence": [0, 1, 1], "origin": 11, "pitch": 11, "width": 3},
+    "rows": {"colors": [[255, 0, 0], [0, 255, 255]], "sequence": [1, 0], "origin": 5.5, "pitch": 8, "width": 2},
+}
+
+
+@pytest.mark.parametrize("absent", ["columns", "rows", None])
+def test_line_grid_round_trip(tmp_path, absent):
+    grid = read(tmp_path, {name: value for name, value in LINES.items() if name != absent})
+    assert isinstance(grid, LineGrid)
+    assert (grid.columns is None, grid.rows is None) == (absent == "columns", absent == "rows")
+    write_pattern(tmp_path / "p.json", grid)
+    assert read_pattern(tmp_path / "p.json") == grid
+
+
+@pytest.mark.parametrize("key", ["colors", "sequence", "origin", "pitch", "width"])
+def test_missing_key_of_lines(tmp_path, key):
+    lines = {name: value for name, value in LINES["rows"].items() if name != key}
+    with pytest.raises(FileError, match=f'rows: key "{key}" is missing'):
+        read(tmp_path, LINES | {"rows": lines})
+
+
+@pytest.mark.parametrize(
+    ("change", "complaint"),
+    [
+        ({"sequence": [0, 2]}, "sequence: expected 0 to 1, found 2"),
+        ({"sequence": []}, "one line or more"),
+        ({"sequence": [0] * 200}, "at most 80"),
+        ({"colors": [[255, 0, 0]]}, "at least two"),
+        ({"width": 9}, "width < pitch"),
+        ({"pitch": float("nan")}, "NaN"),
+        ({"origin": 78}, "rows between"),
+    ],
+)
+def test_wrong_lines(tmp_path, change, complaint):
+    with pytest.raises(FileError, match=complaint) as caught:
+        read(tmp_path, LINES | {"rows": LINES["rows"] | change})
+    assert "\n" not in str(caught.value)
+    with pytest.raises(FileError, match="rows: expected an object"):
+        read(tmp_path, LINES | {"rows": [1, 2]})
+
+
+def test_picture_of_a_line_grid_is_a_pattern(tmp_path):
+    grid = make_line_grid((640, 480))
+    write_png(tmp_path / "shown.png", grid.render())
+    assert (read_pattern(tmp_path / "shown.png").render() == grid.render()).all()
+    write_png(tmp_path / "black.png", grid.render() // 255 * 0)
+    with pytest.raises(FileError, match=r"black\.png: not a pattern: expected a picture of a line grid") as caught:
+        read_pattern(tmp_path / "black.png")
+    assert "\n" not in str(caught.value)

@@ -13,6 +13,7 @@ from retrue.correspondences import Correspondences
 from retrue.errors import CaptureError
 from retrue.geometry.arrays import Image
 from retrue.patterns.color_grid import ColorGrid
+from retrue.patterns.line_grid import LineGrid
 from retrue.patterns.pattern import Pattern
 
 MARGIN = 3.0
@@ -21,7 +22,7 @@ NO_POINTS = Correspondences(np.empty((0, 2)), np.empty((0, 2)))
 
 
 def see_board(name: str, pattern: Pattern, images: Sequence[Image], names: Sequence[str], board: Board) -> BoardCapture:
-    """One pose of the board, from a Gray code, or from two pictures, lit white and by the colour grid.
+    """One pose of the board, from a Gray code, or from two pictures, lit white and by the grid.
 
     Of a Gray code only the part around the board is decoded; where there is no board, nothing is.
 
@@ -35,13 +36,13 @@ def see_board(name: str, pattern: Pattern, images: Sequence[Image], names: Seque
     CaptureError
         the pictures do not belong together or do not decode.
     """
-    if isinstance(pattern, ColorGrid):
-        from retrue.decoding.blocks.decode_color_grid import decode_color_grid
+    if isinstance(pattern, ColorGrid | LineGrid):
+        from retrue.decoding.decode import decode_picture
 
         if len(images) != 2:
-            raise CaptureError(name, f"expected two pictures, lit white and by the colour grid, found {len(images)}")
+            raise CaptureError(name, f"expected two pictures, lit white and by the grid, found {len(images)}")
         white, grid = sorted(images, key=lambda image: -float(image.mean()))  # the grid is mostly black
-        points = decode_color_grid(pattern, grid, white=white)  # which takes the print out, if it reflects at all
+        points = decode_picture(pattern, grid, white=white)  # which takes the print out, if it reflects at all
         return BoardCapture(name, white, points, _corners(white, board))
     from retrue.decoding.sequence.arrange import arrange
     from retrue.decoding.sequence.decode_sequence import decode_arranged

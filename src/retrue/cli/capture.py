@@ -32,7 +32,7 @@ class Capture(Command):
     setup
         Which camera and which projector, TOML.
     pattern
-        What to show, JSON: of a colour grid one picture, with white and black around it; or a sequence.
+        What to show, JSON: of a grid one picture, with white and black around it; or a sequence.
     out
         A new folder for the pictures, there whole or not at all: grid.png, white.png, black.png; or 00.png, 01.png ...
     patience_seconds

@@ -36,9 +36,9 @@ class Decode(Command):
     Attributes
     ----------
     capture
-        A picture (colour grid), a folder of pictures (Gray code), or a points CSV.
+        A picture (colour grid, line grid), a folder of pictures (Gray code), or a points CSV.
     pattern
-        What the projector showed, JSON.
+        What the projector showed, JSON; of a line grid also the picture that was shown.
     out
         The CSV to write: camera_x,camera_y,projector_x,projector_y and what else is known.
     debug

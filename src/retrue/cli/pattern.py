@@ -14,6 +14,7 @@ from retrue.errors import InputError
 if TYPE_CHECKING:
     from retrue.patterns.color_grid import ColorGrid
     from retrue.patterns.gray_code import GrayCode
+    from retrue.patterns.line_grid import LineGrid
     from retrue.patterns.sequence import FrameSequence
 
 LARGEST_SIDE = 16384  # pixels; beyond any projector, and its pictures still fit into memory
@@ -33,8 +34,8 @@ class Pattern(Command):
     Attributes
     ----------
     kind
-        One picture for a single capture (color-grid), or a sequence for dense points: gray-code, phase-shift, or what
-        another tool projects (sequence).
+        One picture for a single capture (color-grid, line-grid), or a sequence for dense points: gray-code,
+        phase-shift, or what another tool projects (sequence).
     projector_size
         Width and height of the projector in pixels.
     out
@@ -69,7 +70,7 @@ class Pattern(Command):
         structuredlight-phase, slstudio-gray, slstudio-2x3, slstudio-nstep, slstudio-3, slstudio-4.
     """
 
-    kind: Positional[Literal["color-grid", "gray-code", "phase-shift", "sequence"]]
+    kind: Positional[Literal["color-grid", "line-grid", "gray-code", "phase-shift", "sequence"]]
     projector_size: tuple[int, int]
     out: Path
     rows: int | None = None
@@ -90,13 +91,14 @@ class Pattern(Command):
         from retrue.files.images import write_png
         from retrue.files.patterns import write_pattern
         from retrue.patterns.color_grid import ColorGrid
+        from retrue.patterns.line_grid import LineGrid
 
         if not all(1 <= side <= LARGEST_SIDE for side in self.projector_size):
             width, height = self.projector_size
             raise InputError(f"--projector-size: expected two sides of 1 to {LARGEST_SIDE}, found {width} x {height}")
         self._require_options()
         pattern = self._pattern()
-        if isinstance(pattern, ColorGrid):
+        if isinstance(pattern, ColorGrid | LineGrid):
             pictures = {"pattern.png": pattern.render()}
         else:
             pictures = {f"pattern_{number:02d}.png": picture for number, picture in enumerate(pattern.render())}
@@ -120,13 +122,16 @@ class Pattern(Command):
                 option = name.replace("_", "-")
                 raise InputError(f"--{option}: expected with {' or '.join(kinds)}, found with {self.kind}")
 
-    def _pattern(self) -> ColorGrid | GrayCode | FrameSequence:
+    def _pattern(self) -> ColorGrid | LineGrid | GrayCode | FrameSequence:
         from retrue.patterns.gray_code import GrayCode
         from retrue.patterns.layouts import LAYOUTS, layout_sequence
+        from retrue.patterns.line_grid import make_line_grid
         from retrue.patterns.phase_shift import make_phase_shift
 
         if self.kind == "color-grid":
             return self._color_grid()
+        if self.kind == "line-grid":
+            return make_line_grid(self.projector_size)
         if self.kind == "gray-code":
             return GrayCode(self.projector_size, 1 if self.step is None else self.step)
         axes = None if self.axes is None else cast("tuple[Literal['column', 'row'], ...]", AXES[self.axes])

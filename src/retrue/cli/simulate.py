@@ -33,7 +33,7 @@ class Simulate(Command):
     rig
         The rig, JSON or another tool's.
     pattern
-        What the projector shows: a colour grid gives one picture, and white and black; a Gray code the whole sequence.
+        What the projector shows: a grid gives one picture, and white and black; a Gray code the whole sequence.
     out
         Folder for the pictures, truth.npz, points.csv (true correspondences), rig.json and pattern.json.
     options
@@ -52,6 +52,7 @@ class Simulate(Command):
         from retrue.files.points import write_points
         from retrue.files.rigs import read_rig, write_rig
         from retrue.patterns.color_grid import ColorGrid
+        from retrue.patterns.line_grid import LineGrid
         from retrue.simulation.mitsuba_scene import MeshFile, load_mitsuba
         from retrue.simulation.simulate import simulate
 
@@ -62,7 +63,8 @@ class Simulate(Command):
         start = time.perf_counter()
         simulated = simulate(rig, scene, pattern, self.options, terminal.progress("rendering"))
         seconds = time.perf_counter() - start
-        capture = folder / "capture.png" if isinstance(pattern, ColorGrid) else made_folder(folder / "capture")
+        single = isinstance(pattern, ColorGrid | LineGrid)
+        capture = folder / "capture.png" if single else made_folder(folder / "capture")
         _write(simulated, rig, capture if capture.is_dir() else folder, folder / "truth.npz")
         truth = Correspondences(
             simulated.truth.camera_px,

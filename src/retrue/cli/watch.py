@@ -42,7 +42,7 @@ class Watch(Command):
     source
         A folder that pictures drop into, a video file, the address of a stream, or the index of a camera.
     pattern
-        What the projector shows, a colour grid, JSON; not needed for a folder of points CSVs.
+        What the projector shows, a colour or line grid, JSON; not needed for a folder of points CSVs.
     out
         Folder for events.jsonl, state.json and clouds; made where it is not there. A watch goes on where the last
         one with this folder ended.
@@ -116,15 +116,16 @@ class Watch(Command):
         from retrue.files.patterns import read_pattern
         from retrue.files.rigs import read_rig
         from retrue.patterns.color_grid import ColorGrid
+        from retrue.patterns.line_grid import LineGrid
         from retrue.rasters import check_pattern
         from retrue.watch.events import EventLog
         from retrue.watch.stages import real_stages
         from retrue.watch.watch import Watch as Watcher
 
         pattern = None if self.pattern is None else read_pattern(self.pattern)
-        if pattern is not None and not isinstance(pattern, ColorGrid):
+        if pattern is not None and not isinstance(pattern, ColorGrid | LineGrid):
             raise FileError(
-                str(self.pattern), "a watch reads single pictures: expected a colour grid, found a sequence"
+                str(self.pattern), "a watch reads single pictures: expected a colour or line grid, found a sequence"
             )
         if pattern is not None and self.pattern is not None:
             check_pattern(read_rig(self.rig), pattern.projector_size, self.pattern)

@@ -14,6 +14,7 @@ from retrue.errors import CaptureError, FileError, require_kind, require_kinds, 
 from retrue.files.images import SUFFIXES, picture_paths, read_folder, read_image
 from retrue.files.points import read_points
 from retrue.patterns.color_grid import ColorGrid
+from retrue.patterns.line_grid import LineGrid
 from retrue.patterns.pattern import PATTERNS, Pattern
 
 
@@ -35,11 +36,11 @@ def read_board_captures(
 
 
 def read_board_capture(path: str | Path, pattern: Pattern | None, board: Board) -> BoardCapture:
-    """One pose of the board: the pictures of a sequence, two of a colour grid, or a picture with decoded points.
+    """One pose of the board: the pictures of a sequence, two of a grid, or a picture with decoded points.
 
     Parameters
     ----------
-    path : a folder of a Gray code or another sequence; of two pictures, lit white and by the colour grid; of one
+    path : a folder of a Gray code or another sequence; of two pictures, lit white and by the grid; of one
         picture of the board and a points CSV; or such a picture or CSV, the other one beside it by the same name. Of a
         sequence only the part around the board is decoded; where there is no board, nothing is.
     pattern : what the projector showed; not needed for points.
@@ -64,7 +65,7 @@ def read_board_capture(path: str | Path, pattern: Pattern | None, board: Board) 
         )
     if pattern is None:
         raise CaptureError(path, "pictures of a projected code need the pattern that they show: give --pattern P.json")
-    images, paths = read_folder(path, color=(0, 1) if isinstance(pattern, ColorGrid) else ())
+    images, paths = read_folder(path, color=(0, 1) if isinstance(pattern, ColorGrid | LineGrid) else ())
     try:
         return see_board(str(path), pattern, images, [entry.name for entry in paths], board)
     except CaptureError as error:

@@ -13,11 +13,12 @@ from retrue.geometry.arrays import Image
 from retrue.patterns.color_grid import ColorGrid
 from retrue.patterns.gray_code import GrayCode
 from retrue.patterns.layouts import as_captured
+from retrue.patterns.line_grid import LineGrid
 from retrue.patterns.pattern import PATTERNS, Pattern
 from retrue.patterns.sequence import FrameSequence
 
 GRID_PICTURES = ("grid", "white", "black")
-"""What the folder of a colour grid holds."""
+"""What the folder of a colour or line grid holds."""
 
 
 def read_capture(path: str | Path, pattern: Pattern | None = None) -> Correspondences:
@@ -25,8 +26,8 @@ def read_capture(path: str | Path, pattern: Pattern | None = None) -> Correspond
 
     Parameters
     ----------
-    path : a picture of a colour grid, a folder of pictures (of a Gray code or another sequence; or grid, white and
-        black of a colour grid), or a CSV of points.
+    path : a picture of a colour or line grid, a folder of pictures (of a Gray code or another sequence; or grid, white
+        and black of a colour or line grid), or a CSV of points.
     pattern : what the projector showed; not needed for a CSV.
 
     Raises
@@ -77,7 +78,7 @@ def _read_sequence(path: Path, pattern: Pattern | None) -> tuple[Correspondences
         raise CaptureError(
             path, f"a folder of pictures needs the pattern that they show: give --pattern P.json; {_seems(path)}"
         )
-    if isinstance(pattern, ColorGrid):
+    if isinstance(pattern, ColorGrid | LineGrid):
         return _read_grid_folder(path, pattern)
     from retrue.decoding.sequence.decode_sequence import decode_pictures
 
@@ -89,22 +90,22 @@ def _read_sequence(path: Path, pattern: Pattern | None) -> tuple[Correspondences
         raise CaptureError(path, error.problem) from error
 
 
-def _read_grid_folder(path: Path, pattern: ColorGrid) -> tuple[Correspondences, Image]:
+def _read_grid_folder(path: Path, pattern: ColorGrid | LineGrid) -> tuple[Correspondences, Image]:
     """The points of grid.png, with black.png and white.png beside it; and the picture."""
-    from retrue.decoding.blocks.decode_color_grid import decode_color_grid
+    from retrue.decoding.decode import NAMES, decode_picture
 
     named = {entry.stem: entry for entry in picture_paths(path)}
     if missing := [name for name in GRID_PICTURES if name not in named]:
         raise CaptureError(
             path,
-            "the pattern is a colour grid, whose folder holds grid.png, white.png and black.png: "
+            f"the pattern is a {NAMES[type(pattern)]}, whose folder holds grid.png, white.png and black.png: "
             f"{missing[0]}.png is missing; {_seems(path)}",
         )
     grid, white, black = (read_image(named[name]) for name in GRID_PICTURES)
     for name, image in (("white", white), ("black", black)):
         if image.shape != grid.shape:
             raise CaptureError(path, f"{name}.png is not of the size and kind of grid.png: take the capture again")
-    return decode_color_grid(pattern, grid, black, white), grid
+    return decode_picture(pattern, grid, black, white), grid
 
 
 def _seems(path: Path) -> str:
@@ -128,9 +129,9 @@ def _read_grid(path: Path, pattern: Pattern | None) -> tuple[Correspondences, Im
     """The points, and the picture."""
     if pattern is None:
         raise CaptureError(path, "a picture needs the pattern that it shows: give --pattern P.json")
-    if not isinstance(pattern, ColorGrid):
-        raise CaptureError(path, "one picture is a colour-grid capture, but the pattern is a sequence: give its folder")
-    from retrue.decoding.blocks.decode_color_grid import decode_color_grid
+    if not isinstance(pattern, ColorGrid | LineGrid):
+        raise CaptureError(path, "one picture is the capture of a grid, but the pattern is a sequence: give its folder")
+    from retrue.decoding.decode import decode_picture
 
     image = read_image(path)
-    return decode_color_grid(pattern, image), image
+    return decode_picture(pattern, image), image

@@ -1,4 +1,4 @@
-"""Pattern specs as JSON: a colour grid, a Gray code or any sequence, the format of the contract."""
+"""Pattern specs as JSON: a colour grid, a line grid, a Gray code or any sequence, the format of the contract."""
 
 from __future__ import annotations
 
@@ -9,11 +9,15 @@ from typing import Any, cast
 
 from retrue.errors import FileError, InputError, require_kind, require_path
 from retrue.files.atomic import read_text, replaced_file
+from retrue.files.images import SUFFIXES, read_image
 from retrue.files.json_values import items, number, positive, required, whole, whole_numbers
+from retrue.files.line_patterns import line_grid_spec, read_line_grid
 from retrue.files.rig_json import parse_json, shown
 from retrue.files.sequence_patterns import read_sequence, sequence_spec
 from retrue.patterns.color_grid import ColorGrid
 from retrue.patterns.gray_code import MAX_PROJECTOR_SIDE, ORDER, GrayCode
+from retrue.patterns.line_grid import LineGrid
+from retrue.patterns.line_picture import read_line_picture
 from retrue.patterns.pattern import PATTERNS, Pattern
 from retrue.patterns.sequence import FrameSequence
 
@@ -22,14 +26,16 @@ MAX_COLORS = 256
 
 
 def read_pattern(path: str | Path) -> Pattern:
-    """The spec in a JSON file; keys that it does not know are left alone.
+    """The spec in a JSON file, or that of the line grid in a picture; keys that it does not know are left alone.
 
     Raises
     ------
     FileError
-        no such file, no JSON, a key missing, a value of the wrong type or out of range.
+        no such file, no JSON, a key missing, a value of the wrong type or out of range; a picture of something else.
     """
     path = require_path(path, "read_pattern(path)")
+    if path.suffix.lower() in SUFFIXES:
+        return _pictured(path)
     spec = _read_object(path)
     try:
         if spec.get("format") != "retrue-pattern":
@@ -41,9 +47,11 @@ def read_pattern(path: str | Path) -> Pattern:
             return _gray_code(spec)
         if kind == "color-grid":
             return _color_grid(spec)
+        if kind == "line-grid":
+            return read_line_grid(spec, _projector_size(spec))
         if kind == "sequence":
             return read_sequence(spec, _projector_size(spec))
-        raise InputError(f'expected "kind": "sequence", "gray-code" or "color-grid", found {shown(kind)}')
+        raise InputError(f'expected "kind": "sequence", "gray-code", "color-grid" or "line-grid", found {shown(kind)}')
     except InputError as error:
         raise FileError(path, f"not a pattern: {error}") from error
 
@@ -55,6 +63,8 @@ def write_pattern(path: str | Path, pattern: Pattern) -> None:
     spec: dict[str, Any] = {"format": "retrue-pattern", "version": 1}
     if isinstance(pattern, FrameSequence):
         spec |= sequence_spec(pattern)
+    elif isinstance(pattern, LineGrid):
+        spec |= line_grid_spec(pattern)
     elif isinstance(pattern, GrayCode):
         spec |= {"kind": "gray-code", "projector_size": pattern.projector_size, "order": ORDER}
         if pattern.step != 1:
@@ -66,6 +76,13 @@ def write_pattern(path: str | Path, pattern: Pattern) -> None:
         spec |= {"pitch": pattern.pitch, "block": pattern.block, "origin": pattern.origin, "code": pattern.code}
     with replaced_file(path) as stream:
         stream.write((json.dumps(spec) + "\n").encode())
+
+
+def _pictured(path: Path) -> LineGrid:
+    try:
+        return read_line_picture(read_image(path))
+    except InputError as error:
+        raise FileError(path, f"not a pattern: {error}; of other patterns give the .json") from error
 
 
 def _read_object(path: Path) -> Mapping[str, Any]:

@@ -11,6 +11,7 @@ from retrue.errors import InputError, require_kind
 from retrue.geometry.arrays import FloatArray, Image
 from retrue.patterns.color_grid import ColorGrid
 from retrue.patterns.gray_code import GrayCode
+from retrue.patterns.line_grid import LineGrid
 from retrue.patterns.pattern import PATTERNS, Pattern
 from retrue.patterns.sequence import FrameSequence
 from retrue.rig import Rig, require_rig
@@ -36,7 +37,7 @@ class Simulated(ByValue, ShortRepr):
 
     Attributes
     ----------
-    pictures : what the camera took, by name: (h, w, 3) of a colour grid, (h, w) of a Gray code; uint8.
+    pictures : what the camera took, by name: (h, w, 3) of a grid, (h, w) of a Gray code; uint8.
     truth : depth, visibility and true correspondences: of block centres, or of every 16th projector pixel.
     dot_errors_px : of the self-check, by device.
     """
@@ -63,7 +64,8 @@ def simulate(
     Parameters
     ----------
     scene : a name of `SCENES`, or a mesh in the camera's frame.
-    pattern : a colour grid gives `capture`, `white` and `black`; a Gray code or another sequence its pictures, grey.
+    pattern : a colour or line grid gives `capture`, `white` and `black`; a Gray code or another sequence its pictures,
+        grey.
     progress : called with the number of renders done and in all.
 
     Raises
@@ -83,9 +85,9 @@ def simulate(
             )
         )
     distance = options.distance or meeting_distance(rig)
-    monochrome = not isinstance(pattern, ColorGrid)
+    monochrome = not isinstance(pattern, ColorGrid | LineGrid)
     stage = Stage(rig, shapes(_items(scene, rig, distance), monochrome), distance, options.samples, options.bounces)
-    rasters = _grid_rasters(pattern) if isinstance(pattern, ColorGrid) else _grey_rasters(pattern)
+    rasters = _grid_rasters(pattern) if isinstance(pattern, ColorGrid | LineGrid) else _grey_rasters(pattern)
     steps = len(rasters) + 3
     done = 0
 
@@ -107,7 +109,7 @@ def simulate(
         lights.append(stage.projected(blurred_raster(raster, options.projector_blur_px), light_seed))
         step()
     camera_model = _camera_model(options, monochrome)
-    if not isinstance(pattern, ColorGrid):
+    if not isinstance(pattern, ColorGrid | LineGrid):
         pictures = _grey_pictures(pattern, lights, room, camera_model, noise_seeds)
     else:
         light = {"capture": lights[0] + room, "white": lights[1] + room, "black": room}
@@ -132,7 +134,7 @@ def _asked_points(pattern: Pattern) -> FloatArray:
     return np.stack(np.meshgrid(x, y), axis=-1).reshape(-1, 2).astype(np.float64)
 
 
-def _grid_rasters(pattern: ColorGrid) -> list[FloatArray]:
+def _grid_rasters(pattern: ColorGrid | LineGrid) -> list[FloatArray]:
     shown = pattern.render() / 255.0
     return [shown, np.ones_like(shown)]
 

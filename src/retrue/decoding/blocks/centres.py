@@ -10,7 +10,7 @@ import cv2
 import numpy as np
 
 from retrue.decoding.blocks.growth import readable
-from retrue.decoding.blocks.surface import Joints, bend_changes, between_neighbours, lengths, median, odd_blocks, slopes
+from retrue.decoding.surface import Joints, between_neighbours, lengths, median, odd_blocks, slopes
 from retrue.geometry.arrays import BoolArray, FloatArray, Image, IntArray
 from retrue.kernels import profiles as kernel
 
@@ -30,8 +30,6 @@ FARTHEST = 0.12  # of a pitch that a centre may lie off the middle of its blob
 STRAIGHT = 4.0  # sigmas by which lines through one block may differ on a smooth surface
 DISAGREEMENT = 0.06  # of a pitch between two ways to measure: more, and the block is cut
 RIM_DISAGREEMENT = 0.03  # the same at the rim of a surface, where cut blocks are
-LEAST_SIGMA = 0.02  # px, standard deviation of the best centres
-PRIOR = 4.0  # lines that the noise of the whole picture counts as
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -180,19 +178,3 @@ def _filters(duty: float) -> FloatArray:
 
 def _beside(lines: int, duty: float) -> FloatArray:
     return np.linspace(-0.5, 0.5, lines) * duty * SPREAD
-
-
-def noise_of(position: FloatArray, joints: Joints) -> FloatArray:
-    """Standard deviation per axis (rows, columns) of centres at `position` (rows, columns, 2).
-
-    Along each row, column and diagonal of a smooth surface the second differences hardly change, so their changes are
-    noise. One block has up to four lines of its own, of two coordinates: they are averaged with the noise of the whole
-    picture, as if that were PRIOR lines more.
-    """
-    lines = bend_changes(position, joints)
-    known = np.isfinite(lines)
-    # The mean of two squared normal coordinates has its median at ln 2.
-    usual = max(median(lines[known]) / np.log(2), LEAST_SIGMA**2) if known.any() else 1.0
-    own = np.where(known, lines, 0.0).sum(axis=0)
-    sigma = np.sqrt(np.maximum((PRIOR * usual + own) / (PRIOR + known.sum(axis=0)), LEAST_SIGMA**2))
-    return np.where(np.isfinite(position[..., 0]), sigma, np.nan)

@@ -3,17 +3,15 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import cast
 
-import cv2
 import numpy as np
 
 from retrue.correspondences import Card, Correspondences
 from retrue.decoding.blocks.look import look
 from retrue.decoding.blocks.sight import GOOD_COUNT, MIRRORED, NOT_THIS, GridSight, advise
 from retrue.decoding.light import around, saturated
-from retrue.errors import InputError
-from retrue.geometry.arrays import FloatArray, Image
+from retrue.decoding.pictures import coverage, rgb, scene_light
+from retrue.geometry.arrays import Image
 from retrue.patterns.color_grid import ColorGrid
 
 FIRST_SIDE = 800  # px: larger pictures are first looked at from further away
@@ -55,7 +53,7 @@ def inspect_color_grid(
     pattern: ColorGrid, image: Image, black: Image | None = None, white: Image | None = None
 ) -> GridSight:
     """All that the decoder sees on its way: blocks, links, colours, places, verdicts and centres."""
-    picture = _scene_light(image, black, white)
+    picture = scene_light(image, black, white)
     halvings = 0
     while max(picture.shape[:2]) / 2**halvings > FIRST_SIDE:
         halvings += 1
@@ -92,7 +90,7 @@ def correspondences_of(sight: GridSight) -> Correspondences:
         seen=decoded + sum(rejected.values()),
         decoded=decoded,
         rejected=rejected,
-        coverage=round(_coverage(sight.centre_px[row, column], w, h), 3),
+        coverage=round(coverage(sight.centre_px[row, column], w, h), 3),
         advice=tuple(filter(None, [advise(sight, decoded)])),
         details={"block_px": round(sight.block_px, 1)},
     )
@@ -119,12 +117,12 @@ def _with_light(points: Correspondences, image: Image, black: Image | None, whit
     the room's light.
     """
     shown = image if white is None else white
-    seen = around(_rgb(shown, "image"), points.camera_px)
+    seen = around(rgb(shown, "image"), points.camera_px)
     light, light_class = points.light, points.light_class
     if white is not None:
         light = light_class = None
         if black is not None:
-            dark = around(_rgb(black, "black"), points.camera_px)
+            dark = around(rgb(black, "black"), points.camera_px)
             light = (seen.astype(np.float64) - dark).mean(axis=(1, 2))
     if light is not None:
         light = np.where(saturated(seen.reshape(-1, 3)).reshape(-1, 9).any(axis=1), np.nan, light)
@@ -133,47 +131,3 @@ def _with_light(points: Correspondences, image: Image, black: Image | None, whit
 
 def _decoded(sight: GridSight) -> int:
     return int(np.isfinite(sight.centre_px[..., 0]).sum())
-
-
-def _scene_light(image: Image, black: Image | None, white: Image | None) -> Image:
-    """The picture as RGB, without the room's light and without paint, as far as those are known."""
-    picture = _rgb(image, "image")
-    if black is not None:
-        dark = _rgb(black, "black")
-        _same_size(picture, dark, "black")
-        picture = cast(Image, cv2.subtract(picture, dark))
-    if white is not None:
-        lit = _rgb(white, "white")
-        _same_size(picture, lit, "white")
-        full = lit if black is None else cast(Image, cv2.subtract(lit, _rgb(black, "black")))
-        # Where white light adds next to nothing there is nothing to divide by, and nothing to see.
-        least = 0.04 * float(full.max())
-        picture = np.asarray(cv2.divide(picture, np.maximum(full, np.asarray(max(least, 1), full.dtype)), scale=200.0))
-        picture = np.minimum(picture, 255).astype(np.uint8)
-    return picture
-
-
-def _rgb(image: Image, name: str) -> Image:
-    image = np.asarray(image)
-    if image.dtype.name not in ("uint8", "uint16") or image.ndim not in (2, 3) or image.size == 0:
-        raise InputError(f"{name}: expected a picture (h, w, 3) of uint8 or uint16, found {image.dtype} {image.shape}")
-    if image.ndim == 3 and image.shape[2] == 3:
-        return np.ascontiguousarray(image)
-    if image.ndim == 2 or image.shape[2] == 1:
-        return np.repeat(image.reshape(*image.shape[:2], 1), 3, axis=2)
-    raise InputError(f"{name}: expected three channels (red, green, blue), found {image.shape[2]}")
-
-
-def _same_size(image: Image, other: Image, name: str) -> None:
-    if image.shape != other.shape or image.dtype != other.dtype:
-        raise InputError(
-            f"{name}: expected {image.dtype} {image.shape} as the picture, found {other.dtype} {other.shape}"
-        )
-
-
-def _coverage(points: FloatArray, width: int, height: int) -> float:
-    """Share of the picture inside the convex hull of the points."""
-    if len(points) < 3:
-        return 0.0
-    hull = cv2.convexHull(points.astype(np.float32))
-    return float(cv2.contourArea(hull)) / (width * height)

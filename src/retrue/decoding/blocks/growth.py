@@ -8,7 +8,7 @@ import numpy as np
 
 from retrue.decoding.blocks.colors import Colors, local_level
 from retrue.decoding.blocks.links import NONE
-from retrue.decoding.blocks.surface import Joints, lengths, slopes
+from retrue.decoding.surface import Joints, lengths, slopes
 from retrue.geometry.arrays import BoolArray, FloatArray, Image, IntArray
 from retrue.geometry.nearest import nearest
 from retrue.kernels import profiles as kernel

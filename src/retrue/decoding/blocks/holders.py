@@ -11,7 +11,7 @@ from retrue.decoding.blocks.blobs import Blocks
 from retrue.decoding.blocks.links import NONE, Links
 from retrue.decoding.blocks.places import Code
 from retrue.decoding.blocks.sight import Verdict
-from retrue.decoding.blocks.surface import Joints, in_squares, sound_joints, whole_blocks
+from retrue.decoding.surface import Joints, in_squares, sound_joints, whole_blocks
 from retrue.geometry.arrays import BoolArray, FloatArray, IntArray
 from retrue.kernels import places as kernel
 

@@ -10,7 +10,7 @@ import numpy as np
 from retrue.decoding.blocks.blobs import Blocks
 from retrue.decoding.blocks.links import NONE, Links, lengths_and_bends
 from retrue.decoding.blocks.places import Code
-from retrue.decoding.blocks.surface import Joints, median, slopes
+from retrue.decoding.surface import Joints, median, slopes
 from retrue.geometry.arrays import BoolArray, FloatArray, IntArray
 from retrue.geometry.nearest import nearest
 from retrue.kernels import links as link_kernel

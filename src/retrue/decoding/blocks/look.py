@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from retrue.decoding.blocks.blobs import Blocks, find_blocks
-from retrue.decoding.blocks.centres import noise_of, refine_centres
+from retrue.decoding.blocks.centres import refine_centres
 from retrue.decoding.blocks.colors import Colors, separate_colors
 from retrue.decoding.blocks.growth import MISFIT, Surfaces, cut_blocks, grow
 from retrue.decoding.blocks.holders import held_by, hold_places, on_surfaces
@@ -17,7 +17,7 @@ from retrue.decoding.blocks.islands import place_islands
 from retrue.decoding.blocks.links import NONE, Links, link_blocks
 from retrue.decoding.blocks.places import Code, code_of, place_blocks
 from retrue.decoding.blocks.sight import GridSight, Verdict
-from retrue.decoding.blocks.surface import Joints, lengths, median, slopes
+from retrue.decoding.surface import Joints, lengths, median, noise_of, slopes
 from retrue.geometry.arrays import FloatArray, Image, IntArray
 from retrue.geometry.nearest import nearest
 from retrue.patterns.color_grid import ColorGrid

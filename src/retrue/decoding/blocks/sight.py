@@ -92,7 +92,7 @@ NOT_THIS = "not this pattern: a grid is there, but its colours are not those of 
 MIRRORED = (
     "the projector's picture is mirrored (rear projection, a ceiling setting, or seen in a mirror): switch it off"
 )
-LINES = "a grid of lines: this decoder reads blocks; project a colour grid of `retrue pattern`"
+LINES = "a grid of lines, the pattern is of blocks: give the pattern that was shown, or project a colour grid"
 
 
 def advise(sight: GridSight, decoded: int) -> str:

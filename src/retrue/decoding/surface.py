@@ -11,6 +11,7 @@ from retrue.kernels import lattice as kernel
 
 OUTLIER_SIGMAS = 5.0
 LEAST_SIGMA = 0.02  # px
+PRIOR = 4.0  # lines that the noise of the whole picture counts as
 DIRECTIONS = 4  # of lines: along rows, columns, and both diagonals
 
 
@@ -123,3 +124,19 @@ def bend_changes(position: FloatArray, joints: Joints) -> FloatArray:
     lines = np.empty((DIRECTIONS, *position.shape[:2]))
     kernel.bend_changes(position, joints.right, joints.down, lines)
     return lines
+
+
+def noise_of(position: FloatArray, joints: Joints) -> FloatArray:
+    """Standard deviation per axis (rows, columns) of places `position` (rows, columns, 2).
+
+    Along each row, column and diagonal of a smooth surface the second differences hardly change, so their changes are
+    noise. One block has up to four lines of its own, of two coordinates: they are averaged with the noise of the whole
+    picture, as if that were PRIOR lines more.
+    """
+    lines = bend_changes(position, joints)
+    known = np.isfinite(lines)
+    # The mean of two squared normal coordinates has its median at ln 2.
+    usual = max(median(lines[known]) / np.log(2), LEAST_SIGMA**2) if known.any() else 1.0
+    own = np.where(known, lines, 0.0).sum(axis=0)
+    sigma = np.sqrt(np.maximum((PRIOR * usual + own) / (PRIOR + known.sum(axis=0)), LEAST_SIGMA**2))
+    return np.where(np.isfinite(position[..., 0]), sigma, np.nan)
