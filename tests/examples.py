@@ -71,7 +71,8 @@ def examples() -> dict[str, object]:
         retrue.planar_pose_candidates_batch(homography[None]),
         retrue.CadOptions(), retrue.CalibrationOptions(), retrue.RecalibrateOptions(), retrue.ReconstructOptions(),
         retrue.SimulateOptions(), retrue.VerifyOptions(), retrue.RecordOptions(),
-        retrue.Frame("phase", "column", period_px=64.0, shift=0.25), retrue.layout_sequence("slstudio-2x3", (1824, 1140)),
+        retrue.Frame("phase", "column", period_px=64.0, shift=0.25),
+        retrue.layout_sequence("slstudio-2x3", (1824, 1140)),
         retrue.parse_setup('[camera]\ndriver = "opencv"\n[projector]\ndriver = "window"\n', "setup.toml"),
     ]  # fmt: skip
     return {retrue_name(value): value for value in made}

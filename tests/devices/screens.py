@@ -23,7 +23,9 @@ def virtual_screen(folder: Path, size: tuple[int, int]) -> Generator[VirtualScre
     reading, writing = os.pipe()
     screen = [f"{size[0]}x{size[1]}x24", "-fbdir", str(folder), "-nolisten", "tcp"]
     server = subprocess.Popen(
-        ["Xvfb", "-noreset", "-displayfd", str(writing), "-screen", "0", *screen], pass_fds=[writing], stderr=subprocess.DEVNULL
+        ["Xvfb", "-noreset", "-displayfd", str(writing), "-screen", "0", *screen],
+        pass_fds=[writing],
+        stderr=subprocess.DEVNULL,
     )
     os.close(writing)
     with os.fdopen(reading) as stream:

@@ -116,7 +116,8 @@ def test_no_twin_is_accepted_for_the_truth() -> None:
     accepted = numbers(table, "accepted_%")
     assert (accepted[[0, 2]] > 85).all()
     assert accepted[3] > 75  # a twin four times as far from the old direction of t is the thousandth part as likely
-    assert accepted[1] < 10  # nothing there to tell them apart
+    # Nothing there to tell them apart but what one of them has behind a device.
+    assert accepted[1] < 100 - numbers(table, "both_in_front_%")[1] + 10
     assert len({cell.cue for cell in all_cells()}) == 4
 
 

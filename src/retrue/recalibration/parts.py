@@ -106,7 +106,9 @@ def shifted_copy(posterior: Posterior, outside: BoolArray) -> Part | None:
             shifts = (y[:, :2] - forth[:, :2] / forth[:, 2:], x[:, :2] - back[:, :2] / back[:, 2:])
         for shift in shifts:
             mode = within_reach_of_mode(shift, CENTRES, noise)
-            if np.count_nonzero(mode) >= fewest and (best is None or np.count_nonzero(mode) > np.count_nonzero(best)):
+            if not np.count_nonzero(mode) >= fewest or np.abs(np.median(shift[mode], axis=0)).max() < noise:
+                continue  # what lies where the plane has it is no copy, and behind a device for another reason
+            if best is None or np.count_nonzero(mode) > np.count_nonzero(best):
                 best, shifted = mode, np.asarray(shift[mode], dtype=np.float64)
     if best is None:
         return None
