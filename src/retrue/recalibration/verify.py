@@ -102,15 +102,16 @@ def _verified(rig: Rig, judgement: Judgement, total: int, options: VerifyOptions
     cause = objection(judgement, uncertainty, depth, options.estimate)
     limit = deviations_limit(options.false_alarms)
     holds = deviations <= limit
+    if not holds and (cause is None or isinstance(cause, Imprecise | RivalUnbeaten)):
+        deviations = min(deviations, contradiction(rig, judgement, options.estimate))
+        holds = deviations <= limit
     if not holds and cause is None:
         small = found.displacement is not None and depth and found.displacement <= options.improvable * depth
         return verdict(
             "drifted", PoseDrifted(*moved, deviations, bool(small)), "improvable" if small else BANDS["drifted"]
         )
     if not holds and isinstance(cause, Imprecise | RivalUnbeaten):
-        deviations = min(deviations, contradiction(rig, judgement, options.estimate))
-        if not deviations <= limit:
-            return verdict("drifted", PoseContradicted(deviations, cause))
+        return verdict("drifted", PoseContradicted(deviations, cause))
     if cause is not None and not (holds and isinstance(cause, RivalUnbeaten)):
         return verdict("unknown", cause)
     return verdict("good", f"the capture supports the rig's pose: {drift_text(*moved)}, {deviations:.1f} sigma")
