@@ -35,8 +35,8 @@ def is_number(hint: Any) -> bool:
 
 def test_every_number_of_every_options_class_declares_its_range() -> None:
     assert {kind.__name__ for kind in CLASSES} == {
-        "CadOptions", "CalibrationOptions", "RecalibrateOptions", "ReconstructOptions", "SimulateOptions",
-        "StreakOptions", "VerifyOptions", "WatchOptions",
+        "CadOptions", "CalibrationOptions", "CreepOptions", "RecalibrateOptions", "ReconstructOptions",
+        "SimulateOptions", "StreakOptions", "VerifyOptions", "WatchOptions",
     }  # fmt: skip
     for kind in CLASSES:
         hints = get_type_hints(kind)

@@ -119,13 +119,13 @@ def test_metrics_count_what_the_events_say():
         metrics.observe({"event": "started"})
         with urllib.request.urlopen(f"http://127.0.0.1:{metrics.port}/metrics") as answer:
             served = dict(line.rsplit(" ", 1) for line in answer.read().decode().splitlines() if line[0] != "#")
-    assert served['retrue_frames_total{verdict="drifted"}'] == "2.0"
-    assert served['retrue_frames_total{verdict="bad"}'] == "1.0"
-    assert served["retrue_dropped_frames_total"] == "7.0"
-    assert served['retrue_recalibrations_total{answer="recalibrated"}'] == "1.0"
-    assert served['retrue_stage_seconds_sum{stage="decode"}'] == "1.5"
-    assert served["retrue_epipolar_rms_px"] == "0.125"
-    assert served["retrue_drift_rotation_deg"] == "0.5"
+    assert served['retrue_frames_total{rig="",verdict="drifted"}'] == "2.0"
+    assert served['retrue_frames_total{rig="",verdict="bad"}'] == "1.0"
+    assert served['retrue_dropped_frames_total{rig=""}'] == "7.0"
+    assert served['retrue_recalibrations_total{answer="recalibrated",rig=""}'] == "1.0"
+    assert served['retrue_stage_seconds_sum{rig="",stage="decode"}'] == "1.5"
+    assert served['retrue_epipolar_rms_px{rig=""}'] == "0.125"
+    assert served['retrue_drift_rotation_deg{rig=""}'] == "0.5"
 
 
 def test_what_cannot_be_watched(retrue, files, stream):
@@ -151,3 +151,20 @@ def test_a_rig_that_holds_is_not_touched(retrue, files, stream):
     run = retrue("watch", files.rig, stream, "--out", files.folder / "out", "--json", *QUICK)
     assert [event["verdict"] for event in lines(run.out) if event["event"] == "frame"] == ["good"] * 4
     assert files.rig.read_bytes() == before
+
+
+def test_a_fleet_is_watched(retrue, files, stream):
+    limits = "[limits]\npoll_seconds = 0.01\nsettle_seconds = 0.02\npatience_seconds = 0.05\nidle_seconds = 0.1\n"
+    rig = '[[rig]]\nrig = "before.json"\nsource = "stream"\nclouds = true\n'
+    fleet = files.folder / "fleet.toml"
+    fleet.write_text("workers = 1\nport = 0\n" + limits + rig)
+    out = files.folder / "out"
+    run = retrue("watch", fleet, "--out", out, "--json")
+    assert run.status == 0
+    assert "http://127.0.0.1:" in run.err
+    *told, summary = lines(run.out)
+    assert {event["rig"] for event in told} == {"before"}
+    assert summary["rigs"]["before"]["recalibrated"] == 1
+    assert names(out / "before" / "clouds") == ["0.csv.ply", "1.csv.ply", "2.csv.ply", "3.csv.ply"]
+    retrue("watch", fleet, stream, "--out", out).require_complaint("fleet.toml", "command line")
+    retrue("watch", files.rig, "--out", out).require_complaint("SOURCE")

@@ -13,6 +13,7 @@ import pytest
 from retrue.files.history import read_history, roll_back
 from retrue.files.rigs import read_rig, write_rig
 from retrue.geometry.transform import rotation_angle
+from retrue.recalibration.creep import CreepOptions
 from retrue.recalibration.reasons import NoPlane
 from retrue.recalibration.result import Accepted, Evidence, Refused
 from retrue.watch.events import EventLog
@@ -150,6 +151,27 @@ def test_a_frame_that_breaks_the_decoder_is_passed_over(folder):
     (event,) = events(folder, "bad frame")
     assert event["reason"] == "ZeroDivisionError: division by zero"
     assert watch.state.counts.bad == 1
+
+
+def test_creep_below_what_a_frame_can_see_is_followed(folder):
+    """The filter finds it over many frames; none of them had drifted by itself."""
+    rate = 0.0016  # degrees a frame
+    (folder / "warm.csv").write_text("08:00,21.5\n")
+    watch = watching(folder)
+    watch.temperature = folder / "warm.csv"
+    watch.options = WatchOptions(creep=CreepOptions(creep_memory=10))
+    for number in range(120):
+        truth = turned(RIG, (rate * max(0, number - 15), 0, 0))
+        watch.handle(frame(f"frame {number}", seen_by(truth, number, 200)))
+        if watch.state.counts.recalibrated:
+            break
+    watch.events.close()
+    (event,) = events(folder, "recalibrated")
+    assert event["kind"] == "creep"
+    seen = events(folder, "frame")
+    assert {item["verdict"] for item in seen} == {"good"}
+    assert seen[-1]["creep"]["sigmas"] > 5
+    assert seen[-1]["temperature"] == 21.5
 
 
 def test_a_rollback_by_somebody_else_is_obeyed(folder):
