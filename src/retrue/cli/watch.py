@@ -160,7 +160,7 @@ def _fleet_printer(stop: threading.Event) -> FleetListener:
 
     def print_event(event: Event, rig: str) -> None:
         with lock:
-            printed({"rig": rig, **event})
+            printed({**event, "rig": rig})
 
     return print_event
 

@@ -30,7 +30,7 @@ class CreepOptions:
     creep_memory
         Frames that the filter averages over; before so many it says nothing.
     creep_sigmas
-        Creep that counts, in sigma of the filter; a frame that jumps so far from what the filter expects is no creep.
+        Creep that counts, in sigma of the filter; and a frame that jumps so far from the one before is no creep.
     creep_share
         Creep that is worth a recalibration, in sigma of a single frame.
     """
@@ -123,11 +123,14 @@ def after_frame(
 
 
 def jump(creep: Creep | None, rig_pose: RigidTransform, found: Verification) -> float:
-    """How far the frame is from what the filter expects, in sigma of both; 0 where nobody knows."""
+    """How far the frame is from the one before, in sigma of their difference; 0 where nobody knows.
+
+    From the last that did not jump: after a bump all frames do, and after a hand before the lens none.
+    """
     measured = _measured(rig_pose, found)
     if creep is None or measured is None:
         return 0.0
-    return float(np.max(_lengths(measured[0] - creep.offset) / np.hypot(creep.noise, creep.sigma)))
+    return float(np.max(_lengths(measured[0] - creep.last) / (np.sqrt(2) * creep.noise)))
 
 
 def creep_is_due(creep: Creep | None, options: CreepOptions) -> bool:

@@ -39,7 +39,7 @@ class Alarms:
     def observe(self, event: Event, rig: str) -> None:
         """Tell of it, where it is one to be told of."""
         if event["event"] in self._alarm.events:
-            self._put(json.dumps({"rig": rig, **event}, allow_nan=False).encode())
+            self._put(json.dumps({**event, "rig": rig}, allow_nan=False).encode())
 
     def _put(self, message: bytes | None) -> None:
         while True:
