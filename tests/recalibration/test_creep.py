@@ -6,8 +6,9 @@ import numpy as np
 import pytest
 
 from retrue.geometry.transform import RigidTransform
-from retrue.recalibration.creep import Creep, CreepOptions, after_frame, creep_is_due, jump
+from retrue.recalibration.creep import Creep, after_frame, creep_is_due, jump
 from retrue.recalibration.result import PoseSigma, Verification
+from retrue.recalibration.streak import CreepOptions
 
 POSE = RigidTransform.from_rotation_vector([0.05, -0.2, 0.02], [0.35, -0.04, 0.06])
 SIGMA_DEG = 0.05

@@ -13,9 +13,9 @@ import pytest
 from retrue.files.history import read_history, roll_back
 from retrue.files.rigs import read_rig, write_rig
 from retrue.geometry.transform import rotation_angle
-from retrue.recalibration.creep import CreepOptions
 from retrue.recalibration.reasons import NoPlane
 from retrue.recalibration.result import Accepted, Evidence, Refused
+from retrue.recalibration.streak import CreepOptions
 from retrue.watch.events import EventLog
 from retrue.watch.options import WatchOptions
 from retrue.watch.state import read_state

@@ -15,32 +15,10 @@ import numpy as np
 
 from retrue.geometry.arrays import FloatArray
 from retrue.geometry.transform import RigidTransform, vector_from_rotation
-from retrue.ranges import check_ranges, ranged
 from retrue.recalibration.result import Verification
+from retrue.recalibration.streak import CreepOptions
 
 LEAST_SCATTER = 0.02  # of a frame's sigma; pictures that are copies of each other scatter not at all
-
-
-@dataclass(frozen=True, slots=True)
-class CreepOptions:
-    """When many frames together say that the rig creeps.
-
-    Attributes
-    ----------
-    creep_memory
-        Frames that the filter averages over; before so many it says nothing.
-    creep_sigmas
-        Creep that counts, in sigma of the filter; and a frame that jumps so far from the one before is no creep.
-    creep_share
-        Creep that is worth a recalibration, in sigma of a single frame.
-    """
-
-    creep_memory: int = ranged(30, 2)
-    creep_sigmas: float = ranged(5.0, 1, 1e3)
-    creep_share: float = ranged(1.0, 0, 1e3)
-
-    def __post_init__(self) -> None:
-        check_ranges(self)
 
 
 @dataclass(frozen=True, slots=True, eq=False)

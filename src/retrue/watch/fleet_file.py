@@ -12,7 +12,7 @@ from typing import Any, cast
 from retrue.errors import FileError, InputError
 from retrue.files.atomic import read_text
 from retrue.files.video import is_stream
-from retrue.recalibration.creep import CreepOptions
+from retrue.recalibration.streak import CreepOptions
 from retrue.watch.options import WatchOptions
 
 LARGEST_FLEET = 2**22  # bytes

@@ -5,8 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 
 from retrue.ranges import ranged
-from retrue.recalibration.creep import CreepOptions
-from retrue.recalibration.streak import StreakOptions
+from retrue.recalibration.streak import CreepOptions, StreakOptions
 
 
 @dataclass(frozen=True, slots=True)
