@@ -64,6 +64,7 @@ class Batch:
     progress: Progress
     stamps: dict[str, Stamp] = field(default_factory=dict[str, Stamp])
     digests: dict[Path, str] = field(default_factory=dict[Path, str])
+    contexts: dict[tuple[Any, ...], str] = field(default_factory=dict[tuple[Any, ...], str])
     done: int = 0
 
     def rows(self) -> list[Row]:
@@ -180,13 +181,15 @@ class Batch:
         return self.stamps[task.name]
 
     def _context(self, task: Look | Renew) -> str:
-        """A digest of all that goes in beside the capture."""
+        """A digest of all that goes in beside the capture; most captures have the same."""
         if isinstance(task, Renew):
-            asked: list[Any] = [task.out.name]
+            asked: tuple[Any, ...] = (task.rig, task.out.name)
         else:
-            asked = [task.verify, task.cloud is not None, task.points is not None, self._digest(task.pattern)]
-        limits = {name: dict(values) for name, values in task.limits.items()}
-        return _digest([version("retrue"), self._digest(task.rig), limits, *asked])
+            asked = (task.rig, task.verify, task.cloud is not None, task.points is not None, self._digest(task.pattern))
+        if asked not in self.contexts:
+            limits = {name: dict(values) for name, values in task.limits.items()}
+            self.contexts[asked] = _digest([version("retrue"), self._digest(task.rig), limits, *asked[1:]])
+        return self.contexts[asked]
 
     def _digest(self, path: Path | None) -> str:
         if path is None:
