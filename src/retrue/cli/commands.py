@@ -41,7 +41,10 @@ EXAMPLES: dict[str, tuple[str, ...]] = {
         "retrue reconstruct rig.json scene.jpg --pattern pattern.json \\\n      --out cloud.ply --mesh part.stl",
     ),
     "view": ("retrue view rig.json cloud.ply",),
-    "watch": ("retrue watch rig.json incoming/ --pattern pattern.json --out watch-out",),
+    "watch": (
+        "retrue watch rig.json incoming/ --pattern pattern.json --out watch-out",
+        "retrue watch fleet.toml --out watch-out",
+    ),
     "batch": ("retrue batch job.toml --report page.html",),
     "rescan": ("retrue rescan job.toml --since 2026-11-24T06:00",),
     "history": ("retrue history rig.json --plot drift.png",),
