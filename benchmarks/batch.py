@@ -61,7 +61,8 @@ def made(folder: Path, count: int) -> None:
     for number in range(count):
         moves = (number >= count // 3) + (number >= 2 * count // 3)
         write_points(folder / f"captures/{number:06}.csv", seen_by(turned(RIG, (moves, 0, 0)), number, POINTS))
-    job = 'rig = "rig.json"\ncaptures = "captures/*.csv"\ndo = ["verify", "recalibrate", "reconstruct"]\nout = "out"\n'
+    job = 'rig = "rig.json"\ncaptures = "captures/*.csv"\ndo = ["verify", "recalibrate", "reconstruct"]\n'
+    job += 'out = "out"\nlens = "fixed"\n'
     (folder / "job.toml").write_text(job)
 
 

@@ -35,7 +35,7 @@ def is_number(hint: Any) -> bool:
 
 def test_every_number_of_every_options_class_declares_its_range() -> None:
     assert {kind.__name__ for kind in CLASSES} == {
-        "CadOptions", "CalibrationOptions", "RecalibrateOptions", "ReconstructOptions", "RecordOptions",
+        "CadOptions", "CalibrationOptions", "CreepOptions", "RecalibrateOptions", "ReconstructOptions", "RecordOptions",
         "SimulateOptions", "SimulatedOptions", "StreakOptions", "VerifyOptions", "WatchOptions",
     }  # fmt: skip
     for kind in CLASSES:

@@ -10,15 +10,16 @@ from typing import Any
 
 import pytest
 
-from retrue import Correspondences, read_rig, reconstruct, write_cloud, write_points, write_rig
+from retrue import Accepted, Correspondences, Evidence, read_rig, reconstruct, write_cloud, write_points, write_rig
 from retrue.batch.batch import Row, run_batch
 from retrue.batch.job import read_jobs
 from retrue.batch.summary import counts, write_summary
 from retrue.batch.tasks import Look, keep, read_kept
 from retrue.errors import FileError
+from retrue.recalibration.reasons import LensUnchecked
 from tests.watch.stream import RIG, seen_by, turned
 
-JOB = 'rig = "rig.json"\ncaptures = "captures/*"\nout = "out"\ndo = {do}\n'
+JOB = 'lens = "fixed"\nrig = "rig.json"\ncaptures = "captures/*"\nout = "out"\ndo = {do}\n'
 ALL = '["verify", "recalibrate", "reconstruct"]'
 
 
@@ -144,6 +145,26 @@ def test_no_cloud_is_made_with_a_rig_that_does_not_hold(folder):
     assert not (folder / "out/clouds/11.csv.ply").exists()
 
 
+def test_no_rig_is_made_whose_lenses_nothing_checks_without_a_word(folder):
+    (folder / "job.toml").write_text(JOB.format(do=ALL).replace('lens = "fixed"\n', ""))
+    (job,) = read_jobs(folder / "job.toml")
+    rows, _ = run_batch(job, Serial(), lambda *_: None)
+    assert not (folder / "out/rigs").exists()
+    moved = [row.failed for row in rows if "had moved" in row.failed]
+    assert len(moved) == 6
+    assert str(LensUnchecked()) in moved[0]
+
+
+def test_captures_that_together_hold_give_no_rig(folder, monkeypatch):
+    monkeypatch.setattr(
+        "retrue.recalibration.recalibrate.recalibrate",
+        lambda rig, captures, options: Accepted(rig, "it holds", Evidence(0), unchanged=True),
+    )
+    rows, _ = run(folder)
+    assert not (folder / "out/rigs").exists()
+    assert "still holds" in next(row.failed for row in rows if "had moved" in row.failed)
+
+
 def test_limits_reach_the_methods(folder):
     rows, _ = run(folder, more="[limits.streak]\ndrifted_frames = 8\n")
     assert sum("had moved" in row.failed for row in rows) == 6
@@ -160,6 +181,7 @@ def test_limits_reach_the_methods(folder):
         (JOB.format(do="[3]"), "do"),
         (JOB.format(do='"verify"') + 'order = "size"', "order"),
         (JOB.format(do='"verify"') + "colour = 3", "colour"),
+        (JOB.format(do='"verify"').replace("fixed", "glued"), "lens"),
         (JOB.format(do='"verify"') + "[limits.verify]\nnonsense = 3", "limits.verify"),
         (JOB.format(do='"verify"') + "[limits.streak]\ndrifted_frames = 0", "limits.streak"),
         (JOB.format(do='"verify"') + "[limits]\nverify = 3", "limits"),

@@ -12,6 +12,7 @@ from pathlib import Path
 import pytest
 
 from retrue.batch.runners import DIED, Dask, Pool
+from retrue.errors import InputError
 
 from .work import fragile
 
@@ -30,6 +31,11 @@ def test_a_pool_runs_all_and_outlives_a_worker_that_dies(tmp_path):
     assert results[tasks[5]] == {"lost": DIED}
     assert results[tasks[7]] == {"lost": "ZeroDivisionError: because"}
     assert sum("lost" in result for result in results.values()) == 2
+
+
+def test_a_pool_whose_workers_all_die_gives_up(tmp_path):
+    with Pool(1) as pool, pytest.raises(InputError, match="died one after the other"):
+        list(pool.run(fragile, [(str(tmp_path / f"{number}"), "die") for number in range(99)]))
 
 
 def test_no_worker_outlives_a_parent_that_is_killed(tmp_path):

@@ -17,7 +17,8 @@ def job(files):
         write_points(files.folder / f"captures/{number}.csv", wall_and_box(seed=number))
     path = files.folder / "job.toml"
     path.write_text(
-        'rig = "before.json"\ncaptures = "captures/*.csv"\ndo = ["recalibrate", "reconstruct"]\nout = "out"\n'
+        'rig = "before.json"\ncaptures = "captures/*.csv"\ndo = ["recalibrate", "reconstruct"]\n'
+        'out = "out"\nlens = "fixed"\n'
     )
     return path
 
@@ -56,7 +57,7 @@ def test_what_cannot_be_done(retrue, files, job):
 
 def test_what_was_measured_before_anybody_knew_is_made_again(retrue, files, job):
     retrue("rescan", job, "--workers", "1").require_complaint("no history")
-    assert retrue("recalibrate", files.before, files.points, "--in-place").status == 0
+    assert retrue("recalibrate", files.before, files.points, "--in-place", "--lens", "fixed").status == 0
     listed = retrue("rescan", job, "--workers", "1", "--list")
     assert listed.status == 1
     assert "3 of 3 captures" in listed.out

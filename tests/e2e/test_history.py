@@ -128,7 +128,9 @@ def test_a_damaged_history_is_told_and_closes_nothing(retrue, files):
     assert run.status == 0
     assert "line 3" in run.err
     assert [line["place"] for line in retrue("history", files.before, "--json").json["damaged"]] == ["line 3"]
-    assert retrue("rollback", files.before, "--json").json["restored"] == 1
+    rolled = retrue("rollback", files.before, "--json")
+    assert rolled.json["restored"] == 1
+    assert "line 3" in rolled.err
 
 
 def test_only_the_last_entries(retrue, files):

@@ -120,13 +120,13 @@ def test_metrics_count_what_the_events_say():
         metrics.observe({"event": "started"})
         with urllib.request.urlopen(f"http://127.0.0.1:{metrics.port}/metrics") as answer:
             served = dict(line.rsplit(" ", 1) for line in answer.read().decode().splitlines() if line[0] != "#")
-    assert served['retrue_frames_total{verdict="drifted"}'] == "2.0"
-    assert served['retrue_frames_total{verdict="bad"}'] == "1.0"
-    assert served["retrue_dropped_frames_total"] == "7.0"
-    assert served['retrue_recalibrations_total{answer="recalibrated"}'] == "1.0"
-    assert served['retrue_stage_seconds_sum{stage="decode"}'] == "1.5"
-    assert served["retrue_epipolar_rms_px"] == "0.125"
-    assert served["retrue_drift_rotation_deg"] == "0.5"
+    assert served['retrue_frames_total{rig="",verdict="drifted"}'] == "2.0"
+    assert served['retrue_frames_total{rig="",verdict="bad"}'] == "1.0"
+    assert served['retrue_dropped_frames_total{rig=""}'] == "7.0"
+    assert served['retrue_recalibrations_total{answer="recalibrated",rig=""}'] == "1.0"
+    assert served['retrue_stage_seconds_sum{rig="",stage="decode"}'] == "1.5"
+    assert served['retrue_epipolar_rms_px{rig=""}'] == "0.125"
+    assert served['retrue_drift_rotation_deg{rig=""}'] == "0.5"
 
 
 def test_what_cannot_be_watched(retrue, files, stream):
@@ -139,7 +139,13 @@ def test_what_cannot_be_watched(retrue, files, stream):
     retrue(*watch, DEMO / "scene.jpg", *grid).require_complaint("one picture is no stream")
     retrue(*watch, "file:///etc/passwd", *grid).require_complaint("a folder, a video")
     assert retrue("pattern", "gray-code", "--projector-size", "64", "48", "--out", files.folder / "gray").status == 0
-    retrue(*watch, stream, "--pattern", files.folder / "gray/pattern.json", "--out", out).require_complaint("sequence")
+    retrue(*watch, stream, "--pattern", files.folder / "gray/pattern.json", "--out", out).require_complaint(
+        "a Gray code"
+    )
+    sequence = files.folder / "sequence.json"
+    head = {"format": "retrue-pattern", "version": 1, "kind": "sequence", "projector_size": [64, 48]}
+    sequence.write_text(json.dumps({**head, "layout": "sltk"}))
+    retrue(*watch, stream, "--pattern", sequence, "--out", out).require_complaint("found a sequence")
     retrue(*watch, stream, "--out", files.points).require_complaint("points.csv")
     retrue(*watch, stream, "--out", out, "--drifted-frames", "0").require_complaint("drifted")
     (out / "state.json").write_text("{}")
@@ -152,3 +158,21 @@ def test_a_rig_that_holds_is_not_touched(retrue, files, stream):
     run = retrue("watch", files.rig, stream, "--out", files.folder / "out", "--json", *QUICK)
     assert [event["verdict"] for event in lines(run.out) if event["event"] == "frame"] == ["good"] * 4
     assert files.rig.read_bytes() == before
+
+
+def test_a_fleet_is_watched(retrue, files, stream):
+    limits = "[limits]\npoll_seconds = 0.01\nsettle_seconds = 0.02\npatience_seconds = 0.05\nidle_seconds = 0.1\n"
+    rig = '[[rig]]\nrig = "before.json"\nsource = "stream"\nclouds = true\n'
+    fleet = files.folder / "fleet.toml"
+    fleet.write_text('workers = 1\nport = 0\nlens = "fixed"\n' + limits + rig)
+    out = files.folder / "out"
+    run = retrue("watch", fleet, "--out", out, "--json")
+    assert run.status == 0
+    assert "http://127.0.0.1:" in run.err
+    *told, summary = lines(run.out)
+    assert {event["rig"] for event in told} == {"before"}
+    assert summary["rigs"]["before"]["recalibrated"] == 1
+    assert names(out / "before" / "clouds") == ["0.csv.ply", "1.csv.ply", "2.csv.ply", "3.csv.ply"]
+    retrue("watch", fleet, stream, "--out", out).require_complaint("fleet.toml", "command line")
+    retrue("watch", fleet, "--lens", "fixed", "--out", out).require_complaint("fleet.toml", "command line")
+    retrue("watch", files.rig, "--out", out).require_complaint("SOURCE")

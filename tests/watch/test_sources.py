@@ -16,6 +16,7 @@ from retrue.files.video import read_video
 from retrue.watch.folder import FolderSource
 from retrue.watch.frame_queue import FrameQueue
 from retrue.watch.options import WatchOptions
+from retrue.watch.temperature import last_reading
 from retrue.watch.video import VideoSource
 
 from .stream import SimulatedSource, frame
@@ -77,6 +78,36 @@ def test_a_broken_picture_is_passed_over_and_holds_nobody_up(tmp_path):
     assert broken.position["waiting"] == []
     (again,) = taken(FolderSource(tmp_path, QUICK, good.position))
     assert again.name == "broken.png"
+
+
+def test_a_broken_picture_is_told_before_a_backlog_is_done(tmp_path):
+    (tmp_path / "broken.png").write_bytes(PNG[:30])
+    time.sleep(0.02)
+    drop(tmp_path, *(f"{number:02}.png" for number in range(40)))
+    names = []
+    for item in FolderSource(tmp_path, QUICK).frames(threading.Event()):
+        names.append(item.name)
+        time.sleep(0.01)
+    assert names.index("broken.png") < 30
+    assert sorted(names) == [*(f"{number:02}.png" for number in range(40)), "broken.png"]
+
+
+@pytest.mark.parametrize(
+    ("text", "value"),
+    [
+        ("time,temperature\n2026-11-27T08:00:00,21.5\n2026-11-27T08:01:00,22.25\n", 22.25),
+        ("08:00;21\n08:01;nan\n", 21.0),
+        ("21.5\n22", 21.5),  # the last line is being written
+        ("time,temperature\n", None),
+        ("", None),
+    ],
+)
+def test_the_last_temperature_is_read(tmp_path, text, value):
+    path = tmp_path / "temperature.csv"
+    assert last_reading(path) is None
+    path.write_text("x\n" * 5000 + text)
+    assert last_reading(path) == value
+    assert last_reading(None) is None
 
 
 def test_a_picture_that_goes_again_is_forgotten(tmp_path):

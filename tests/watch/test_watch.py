@@ -16,6 +16,7 @@ from retrue.geometry.transform import rotation_angle
 from retrue.recalibration.reasons import LensUnchecked, PoseUndetermined
 from retrue.recalibration.recalibrate import recalibrate
 from retrue.recalibration.result import Accepted, Evidence, Refused
+from retrue.recalibration.streak import CreepOptions
 from retrue.watch.events import EventLog
 from retrue.watch.options import WatchOptions
 from retrue.watch.state import read_state
@@ -118,7 +119,9 @@ def test_a_pose_whose_lenses_nothing_checks_is_never_written_without_a_word(fold
         watch.handle(frame(f"frame {number}", seen_by(turned(RIG, (1, 0, 0)), number)))
     watch.events.close()
     assert (folder / "rig.json").read_bytes() == before
-    assert [event["reason"] for event in events(folder, "refused")] == [str(LensUnchecked())]
+    (event,) = events(folder, "refused")
+    assert (event["kind"], event["verdict"], event["cause"]) == ("bump", "refused", "LensUnchecked")
+    assert event["reason"] == str(LensUnchecked())
 
 
 def test_a_rig_that_holds_is_kept(folder):
@@ -172,6 +175,27 @@ def test_a_frame_that_breaks_the_decoder_is_passed_over(folder):
     (event,) = events(folder, "bad frame")
     assert event["reason"] == "ZeroDivisionError: division by zero"
     assert watch.state.counts.bad == 1
+
+
+def test_creep_below_what_a_frame_can_see_is_followed(folder):
+    """The filter finds it over many frames; none of them had drifted by itself."""
+    rate = 0.0016  # degrees a frame
+    (folder / "warm.csv").write_text("08:00,21.5\n")
+    watch = watching(folder)
+    watch.temperature = folder / "warm.csv"
+    watch.options = WatchOptions(creep=CreepOptions(creep_memory=10))
+    for number in range(120):
+        truth = turned(RIG, (rate * max(0, number - 15), 0, 0))
+        watch.handle(frame(f"frame {number}", seen_by(truth, number, 200)))
+        if watch.state.counts.recalibrated:
+            break
+    watch.events.close()
+    (event,) = events(folder, "recalibrated")
+    assert (event["kind"], event["verdict"], event["cause"]) == ("creep", "accepted", None)
+    seen = events(folder, "frame")
+    assert {item["verdict"] for item in seen} == {"good"}
+    assert seen[-1]["creep"]["sigmas"] > 5
+    assert seen[-1]["temperature"] == 21.5
 
 
 def test_a_rollback_by_somebody_else_is_obeyed(folder):

@@ -34,7 +34,8 @@ Progress = Callable[[str, int, int], None]
 
 LARGEST_INPUT = 2**27  # bytes of a rig or a pattern
 AHEAD = 64  # captures that are verified with a rig before it is known whether they are the last that it holds for
-MOVED = "the rig had moved, and the captures gave no new one: no cloud is made with a rig that does not hold"
+MOVED = "the rig had moved, and the captures gave no new one"
+NO_CLOUD = "no cloud is made with a rig that does not hold"
 
 
 @dataclass(frozen=True, slots=True)
@@ -64,6 +65,7 @@ class Batch:
     progress: Progress
     stamps: dict[str, Stamp] = field(default_factory=dict[str, Stamp])
     digests: dict[Path, str] = field(default_factory=dict[Path, str])
+    contexts: dict[tuple[Any, ...], str] = field(default_factory=dict[tuple[Any, ...], str])
     done: int = 0
 
     def rows(self) -> list[Row]:
@@ -107,7 +109,7 @@ class Batch:
         first = self.results("captures", looks)  # decoded once, all at once
         rows: list[Row] = []
         rig, begun, streak, tried = self.job.rig, -1, Streak(), set[tuple[Path, tuple[int, ...]]]()
-        found = dict(first)
+        found, why = dict(first), dict[tuple[Path, int], str]()  # what spoke against a new rig
         while len(rows) < len(looks):
             number = len(rows)
             task = replace(looks[number], rig=rig)
@@ -124,7 +126,9 @@ class Batch:
                     continue
                 tried.add((rig, numbers))
                 renewed = self._renewed(rig, [looks[item] for item in numbers])
-                if renewed is not None:
+                if isinstance(renewed, str):
+                    why |= {(rig, item): renewed for item in numbers}
+                else:
                     rig, begun = renewed, streak.drifted[0].number
                     del rows[begun:]
                     streak, found = Streak(), {}
@@ -132,19 +136,21 @@ class Batch:
             else:
                 streak = after_refusal(streak)
         return [
-            replace(row, failed=MOVED) if row.result.get("verdict") == "drifted" and not row.failed else row
-            for row in rows
+            replace(row, failed=f"{MOVED}: {why.get((row.rig, number), NO_CLOUD)}")
+            if row.result.get("verdict") == "drifted" and not row.failed
+            else row
+            for number, row in enumerate(rows)
         ]
 
-    def _renewed(self, rig: Path, looks: Sequence[Look]) -> Path | None:
-        """The rig that these captures give; None where they give none."""
+    def _renewed(self, rig: Path, looks: Sequence[Look]) -> Path | str:
+        """The rig that these captures give; else why not."""
         points = tuple(self.points_path(task) for task in looks)
         names = [task.name for task in looks]
         context = _digest([self._digest(rig), names, [self.stamps[name] for name in names]])
         out = self.job.out / "rigs" / f"{looks[0].name}.{context[:8]}.json"
         task = Renew(f"rig from {names[0]}", points, rig, self.job.limits, out)
         result = self.results("", [task])[task.name]
-        return None if "refused" in result or "lost" in result else out
+        return str(result.get("refused") or result.get("lost") or "") or out
 
     def results(self, what: str, tasks: Sequence[Look | Renew]) -> dict[str, Mapping[str, Any]]:
         """Of each task by its name: known, or done now."""
@@ -180,13 +186,15 @@ class Batch:
         return self.stamps[task.name]
 
     def _context(self, task: Look | Renew) -> str:
-        """A digest of all that goes in beside the capture."""
+        """A digest of all that goes in beside the capture; most captures have the same."""
         if isinstance(task, Renew):
-            asked: list[Any] = [task.out.name]
+            asked: tuple[Any, ...] = (task.rig, task.out.name)
         else:
-            asked = [task.verify, task.cloud is not None, task.points is not None, self._digest(task.pattern)]
-        limits = {name: dict(values) for name, values in task.limits.items()}
-        return _digest([version("retrue"), self._digest(task.rig), limits, *asked])
+            asked = (task.rig, task.verify, task.cloud is not None, task.points is not None, self._digest(task.pattern))
+        if asked not in self.contexts:
+            limits = {name: dict(values) for name, values in task.limits.items()}
+            self.contexts[asked] = _digest([version("retrue"), self._digest(task.rig), limits, *asked[1:]])
+        return self.contexts[asked]
 
     def _digest(self, path: Path | None) -> str:
         if path is None:

@@ -21,11 +21,12 @@ from retrue.reconstruction.options import ReconstructOptions
 LARGEST_JOB = 2**22  # bytes
 Do = Literal["verify", "recalibrate", "reconstruct"]
 Order = Literal["name", "time"]
-KEYS = {"rig", "pattern", "captures", "do", "out", "order", "limits"}
+KEYS = {"rig", "pattern", "captures", "do", "out", "order", "lens", "limits"}
+Limits = Mapping[str, Mapping[str, Any]]
 LIMITS: dict[str, type[Any]] = {
     "streak": StreakOptions,
-    "verify": VerifyOptions,
     "recalibrate": RecalibrateOptions,
+    "verify": VerifyOptions,
     "reconstruct": ReconstructOptions,
 }
 
@@ -40,7 +41,7 @@ class Job:
     names : of each capture, below the folder that they have in common; results are named so.
     do : what to do with them. "recalibrate" goes through all in their order, finds when the rig had moved, and uses
         from there on the rig that they give.
-    limits : options of the methods that differ from what is usual, by method.
+    limits : options of the methods that differ from what is usual, by method; a word on the lenses among them.
     """
 
     rig: Path
@@ -49,7 +50,13 @@ class Job:
     names: tuple[str, ...]
     do: frozenset[Do]
     out: Path
-    limits: Mapping[str, Mapping[str, Any]] = field(default_factory=dict[str, Any])
+    limits: Limits = field(default_factory=dict[str, Any])
+
+
+def options_of(limits: Limits, name: str) -> Any:
+    """Options of a method; `verify` takes for granted what `recalibrate` does."""
+    beside = {"estimate": options_of(limits, "recalibrate")} if name == "verify" else {}
+    return LIMITS[name](**limits.get(name, {}), **beside)
 
 
 def read_jobs(path: Path) -> list[Job]:
@@ -87,7 +94,7 @@ def _job(path: Path, table: Any) -> Job:
         names,
         frozenset(cast("list[Do]", do)),
         folder / _text(path, found, "out"),
-        _limits(path, found.get("limits", {})),
+        _limits(path, found.get("limits", {}), found.get("lens")),
     )
 
 
@@ -123,13 +130,20 @@ def _captures(path: Path, pattern: str, order: Order) -> tuple[tuple[Path, ...],
     return tuple(ordered), tuple(names[item] for item in ordered)
 
 
-def _limits(path: Path, table: Any) -> dict[str, dict[str, Any]]:
+def _limits(path: Path, table: Any, lens: Any) -> dict[str, dict[str, Any]]:
     if not isinstance(table, dict) or not set(cast("dict[str, Any]", table)) <= set(LIMITS):
         raise FileError(path, f"limits: expected tables {', '.join(f'limits.{name}' for name in LIMITS)}")
     limits = cast("dict[str, dict[str, Any]]", table)
-    for name, values in limits.items():
+    for name in (name for name in LIMITS if name in limits):
         try:
-            LIMITS[name](**values)
+            options_of(limits, name)
         except (TypeError, InputError) as error:
             raise FileError(path, f"limits.{name}: {error}") from error
+    if lens is None:
+        return limits
+    limits = {**limits, "recalibrate": {**limits.get("recalibrate", {}), "lens": lens}}
+    try:
+        options_of(limits, "recalibrate")
+    except InputError as error:
+        raise FileError(path, str(error)) from error
     return limits

@@ -2,23 +2,20 @@
 
 from __future__ import annotations
 
-import multiprocessing
-import os
-import signal
-import threading
 from collections import deque
 from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
 from concurrent.futures.process import BrokenProcessPool
-from multiprocessing.connection import wait as wait_for
 from types import TracebackType
 from typing import Any, Protocol, TypeVar
 
 from retrue.errors import InputError
+from retrue.processes import process_pool
 
 T = TypeVar("T")
 Work = Callable[[T], dict[str, Any]]
 AHEAD = 3  # tasks that wait for each worker: as many as it takes to keep it busy
+MOST_DEATHS = 8  # of workers in a row, with nothing done in between
 DIED = "its process died: killed, or out of memory"
 
 
@@ -54,7 +51,7 @@ class Pool:
         waiting = iter(tasks)
         suspects: deque[T] = deque()
         flying: dict[Future[dict[str, Any]], T] = {}
-        ended = False
+        ended, deaths = False, 0
         while True:
             alone = bool(suspects)
             while not ended and not alone and len(flying) < self._workers * (1 + AHEAD):
@@ -78,12 +75,16 @@ class Pool:
                     continue
                 except Exception as error:
                     result = lost(error)
+                deaths = 0
                 if alone:
                     suspects.popleft()
                 yield task, result
             if broken:
                 self._pool = None
                 if alone:
+                    deaths += 1
+                    if deaths > MOST_DEATHS:
+                        raise InputError(f"workers: {deaths} processes died one after the other, and none lived")
                     yield suspects.popleft(), {"lost": DIED}
                 else:
                     suspects.extend([*broken, *flying.values()])
@@ -92,8 +93,7 @@ class Pool:
     def _submit(self, work: Work[T], task: T) -> Future[dict[str, Any]]:
         for _ in range(2):
             if self._pool is None:
-                context = multiprocessing.get_context("spawn")
-                self._pool = ProcessPoolExecutor(self._workers, context, _begin)
+                self._pool = process_pool(self._workers)
             try:
                 return self._pool.submit(work, task)
             except BrokenProcessPool:  # a worker was killed while it was idle
@@ -155,18 +155,3 @@ class Dask:
 def lost(error: object) -> dict[str, Any]:
     """A result that says why there is none."""
     return {"lost": " ".join(f"{type(error).__name__}: {error}".split())}
-
-
-def _begin() -> None:
-    """In a worker: the parent alone hears Ctrl-C; no worker outlives it; and each keeps to one core."""
-    for name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "OPENCV_FOR_THREADS_NUM"):
-        os.environ.setdefault(name, "1")  # read by libraries that are not loaded yet
-    signal.signal(signal.SIGINT, signal.SIG_IGN)
-    threading.Thread(target=_end_with_parent, daemon=True).start()
-
-
-def _end_with_parent() -> None:
-    parent = multiprocessing.parent_process()
-    if parent is not None:
-        wait_for([parent.sentinel])
-        os._exit(1)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from dataclasses import asdict, dataclass
 from functools import lru_cache
 from pathlib import Path
@@ -11,17 +11,17 @@ from zipfile import BadZipFile
 
 import numpy as np
 
-from retrue.batch.job import LIMITS
+from retrue.batch.job import Limits, options_of
 from retrue.correspondences import OPTIONAL_COLUMNS, SIZES, Correspondences
 from retrue.errors import FileError, RetrueError
 from retrue.files.atomic import replaced_file
 from retrue.files.rigs import read_rig, write_rig
 from retrue.plain_json import plain
-from retrue.recalibration.result import Accepted, Verification
+from retrue.recalibration.result import Accepted, Verification, unattended
 from retrue.rig import Rig
 
 T = TypeVar("T")
-Limits = Mapping[str, Mapping[str, Any]]
+HOLDS = "the captures together say that the rig still holds"
 DISAGREE = "the captures do not agree on one pose: the rig, or something before it, was still moving"
 
 
@@ -68,10 +68,10 @@ def look(task: Look) -> dict[str, Any]:
         if task.verify:
             from retrue.recalibration.verify import verify
 
-            result |= _verification_values(verify(rig, [points], _options(task.limits, "verify")))
+            result |= _verification_values(verify(rig, [points], options_of(task.limits, "verify")))
         if task.cloud is None:
             return result
-        cloud = reconstruct(rig, points, _options(task.limits, "reconstruct"))
+        cloud = reconstruct(rig, points, options_of(task.limits, "reconstruct"))
     except RetrueError as error:
         return {"failed": error.problem if isinstance(error, FileError) else str(error)}
     task.cloud.parent.mkdir(parents=True, exist_ok=True)
@@ -86,10 +86,12 @@ def renew(task: Renew) -> dict[str, Any]:
 
     rig, captures = read_rig(task.rig), [read_kept(path) for path in task.points]
     try:
-        result = recalibrate(rig, captures, _options(task.limits, "recalibrate"))
+        result = unattended(recalibrate(rig, captures, options_of(task.limits, "recalibrate")))
         if not isinstance(result, Accepted):
             return {"refused": result.reason}
-        options = _options(task.limits, "verify")
+        if result.unchanged:
+            return {"refused": HOLDS}
+        options = options_of(task.limits, "verify")
         verdicts = [verify(result.rig, [points], options).verdict for points in captures]
     except RetrueError as error:
         return {"refused": str(error)}
@@ -136,10 +138,6 @@ def _cached(path: Path, _date: int, read: Callable[[Path], T]) -> T:
 
 def _date(path: Path) -> int:
     return path.stat().st_mtime_ns if path.exists() else 0
-
-
-def _options(limits: Limits, name: str) -> Any:
-    return LIMITS[name](**limits.get(name, {}))
 
 
 def _verification_values(found: Verification) -> dict[str, Any]:

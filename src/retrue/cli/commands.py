@@ -42,7 +42,10 @@ EXAMPLES: dict[str, tuple[str, ...]] = {
     ),
     "view": ("retrue view rig.json cloud.ply",),
     "studio": ("retrue studio --simulated", "retrue studio setup.toml --port 8090"),
-    "watch": ("retrue watch rig.json incoming/ --pattern pattern.json --out watch-out",),
+    "watch": (
+        "retrue watch rig.json incoming/ --pattern pattern.json --out watch-out",
+        "retrue watch fleet.toml --out watch-out",
+    ),
     "batch": ("retrue batch job.toml --report page.html",),
     "rescan": ("retrue rescan job.toml --since 2026-11-24T06:00",),
     "history": ("retrue history rig.json --plot drift.png",),

@@ -7,7 +7,9 @@ from typing import Annotated
 
 from tyro.conf import Positional, arg
 
-from retrue.cli.command import Command, Outcome, RigPath
+from retrue.cli.command import Command, Outcome, RigPath, log
+
+RECENT = 20  # entries, among which damaged lines are told
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -27,8 +29,10 @@ class Rollback(Command):
 
     def run(self) -> Outcome:
         from retrue.cli.json_output import pose_report
-        from retrue.files.history import roll_back
+        from retrue.files.history import read_history, roll_back
 
+        for line in read_history(self.rig, RECENT).damaged:
+            log(f"{line}; passed over")
         entry = roll_back(self.rig, self.entry)
         report = {
             "id": entry.id,

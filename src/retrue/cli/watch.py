@@ -10,12 +10,13 @@ import sys
 import threading
 from collections.abc import Generator, Sequence
 from dataclasses import dataclass, field
+from importlib.util import find_spec
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 from tyro.conf import OmitArgPrefixes, Positional, arg
 
-from retrue.cli.command import Command, Outcome, PatternPath, RigPath, made_folder, require_writable
+from retrue.cli.command import Command, Outcome, PatternPath, RigPath, log, made_folder, require_writable
 from retrue.errors import FileError, InputError
 from retrue.recalibration.options import VerifyOptions
 from retrue.watch.options import WatchOptions
@@ -24,7 +25,7 @@ if TYPE_CHECKING:
     from types import FrameType
 
     from retrue.watch.events import Event, Listener
-    from retrue.watch.frame import Position, Source
+    from retrue.watch.fleet import FleetListener
     from retrue.watch.state import WatchState
     from retrue.watch.watch import Watch as Watcher
 
@@ -38,7 +39,7 @@ class Watch(Command):
     Attributes
     ----------
     rig
-        The rig file; every rig that is written over is kept in the history beside it.
+        The rig file; every rig that is written over is kept in the history beside it. Or fleet.toml, which names many.
     source
         A folder that pictures drop into, a video file, the address of a stream, or the index of a camera.
     pattern
@@ -57,7 +58,7 @@ class Watch(Command):
     """
 
     rig: RigPath
-    source: Positional[Annotated[str, arg(metavar="SOURCE")]]
+    source: Positional[Annotated[str | None, arg(metavar="SOURCE")]] = None
     pattern: PatternPath = None
     out: Path
     clouds: bool = False
@@ -69,17 +70,20 @@ class Watch(Command):
         from retrue.cli.status_line import StatusLine
         from retrue.files.file_lock import held_file
         from retrue.watch.metrics import Metrics
+        from retrue.watch.sources import open_source, source_name
         from retrue.watch.state import read_state
 
         require_writable(self.rig)
-        # Under one name however it was called, so that a later start knows it again.
-        name = self.source if not Path(self.source).exists() else os.path.realpath(self.source)
+        if self.rig.suffix == ".toml":
+            return self._run_fleet()
+        if self.source is None:
+            raise InputError(f"{self.rig}: expected a SOURCE after the rig: a folder, a video, a stream or a camera")
         folder = made_folder(self.out)
         stop = threading.Event()
         with contextlib.ExitStack() as stack:
             stack.enter_context(held_file(folder / "lock", patience=0.0))
-            state = read_state(folder / "state.json", name)
-            source = self._source(state.position)
+            state = read_state(folder / "state.json", source_name(self.source))
+            source = open_source(self.source, self.pattern is not None, self.limits, state.position)
             listeners: list[Listener] = [StatusLine(state.counts).observe]
             if self.json:
                 listeners.append(_printer(stop))
@@ -91,44 +95,53 @@ class Watch(Command):
             last = watch.run(source, stop)
         return Outcome(last, f"{self.out}: {last['frames']} frames, {last['recalibrated']} recalibrations")
 
-    def _source(self, position: Position) -> Source:
-        from retrue.files.images import SUFFIXES
-        from retrue.files.video import is_stream
-        from retrue.watch.folder import FolderSource
-        from retrue.watch.video import VideoSource
+    def _run_fleet(self) -> Outcome:
+        """Many rigs, as a file names them."""
+        from retrue.files.rigs import read_rig
+        from retrue.watch.alarms import Alarms
+        from retrue.watch.fleet import summary, watch_fleet
+        from retrue.watch.fleet_file import read_fleet
+        from retrue.watch.metrics import Metrics
+        from retrue.watch.status import Status
+        from retrue.watch.work_pool import WorkPool
 
-        path = Path(self.source)
-        if path.is_dir():
-            return FolderSource(path, self.limits, position)
-        if self.pattern is None:
-            raise InputError("a video needs the pattern that it shows: give --pattern P.json")
-        if self.source.isdecimal() and not path.exists():
-            return VideoSource(int(self.source[:9]), position)
-        if is_stream(self.source):
-            return VideoSource(self.source, position)
-        if not path.exists():
-            raise FileError(path, "expected a folder, a video, the address of a stream or the index of a camera")
-        if path.suffix.lower() in SUFFIXES:
-            raise FileError(path, "one picture is no stream: give the folder that it lies in")
-        return VideoSource(path, position)
+        given = self.source, self.pattern, self.clouds, self.limits, self.judgement
+        if given != (None, None, False, WatchOptions(), VerifyOptions()):
+            raise InputError(
+                f"{self.rig}: expected source, pattern, clouds, limits and lens of each rig in it, "
+                "not on the command line"
+            )
+        fleet, folder = read_fleet(self.rig), made_folder(self.out)
+        stop = threading.Event()
+        port = fleet.port if self.metrics_port is None else self.metrics_port
+        with contextlib.ExitStack() as stack:
+            pool = stack.enter_context(WorkPool(fleet.workers or os.cpu_count() or 1))
+            listeners: list[FleetListener] = [stack.enter_context(Alarms(fleet.alarm)).observe]
+            if port is not None:
+                units: dict[str, str] = {}
+                for rig in fleet.rigs:
+                    with contextlib.suppress(FileError):
+                        units[rig.name] = read_rig(rig.rig).unit
+                metrics = Metrics() if find_spec("prometheus_client") else None
+                named = {rig.name: units.get(rig.name, "") for rig in fleet.rigs}
+                status = stack.enter_context(Status(named, port, metrics))
+                listeners += [status.observe] if metrics is None else [status.observe, metrics.observe]
+                log(f"http://127.0.0.1:{status.port}/")
+            if self.json:
+                listeners.append(_fleet_printer(stop))
+            stack.enter_context(_set_by_signals(stop))
+            found = summary(watch_fleet(fleet.rigs, folder, pool, listeners, stop))
+        text = f"{self.out}: {len(fleet.rigs)} rigs, {found['frames']} frames, {found['recalibrated']} recalibrations"
+        return Outcome(found, text)
 
     def _watch(self, state: WatchState, listeners: Sequence[Listener]) -> Watcher:
-        from retrue.files.patterns import read_pattern
         from retrue.files.rigs import read_rig
-        from retrue.patterns.color_grid import ColorGrid
-        from retrue.patterns.line_grid import LineGrid
-        from retrue.rasters import check_pattern
         from retrue.watch.events import EventLog
+        from retrue.watch.sources import open_pattern
         from retrue.watch.stages import real_stages
         from retrue.watch.watch import Watch as Watcher
 
-        pattern = None if self.pattern is None else read_pattern(self.pattern)
-        if pattern is not None and not isinstance(pattern, ColorGrid | LineGrid):
-            raise FileError(
-                str(self.pattern), "a watch reads single pictures: expected a colour or line grid, found a sequence"
-            )
-        if pattern is not None and self.pattern is not None:
-            check_pattern(read_rig(self.rig), pattern.projector_size, self.pattern)
+        pattern = None if self.pattern is None else open_pattern(read_rig(self.rig), self.pattern)
         stages = real_stages(pattern, made_folder(self.out / "clouds") if self.clouds else None, self.judgement)
         events = EventLog(self.out / "events.jsonl", listeners)
         return Watcher(self.rig, stages, events, state, self.out / "state.json", self.limits)
@@ -145,6 +158,17 @@ def _printer(stop: threading.Event) -> Listener:
         except BrokenPipeError:
             stop.set()
             sys.stdout = Path(os.devnull).open("w", encoding="utf-8")  # noqa: SIM115
+
+    return print_event
+
+
+def _fleet_printer(stop: threading.Event) -> FleetListener:
+    """The same for events of many rigs, each with the rig's name."""
+    printed, lock = _printer(stop), threading.Lock()
+
+    def print_event(event: Event, rig: str) -> None:
+        with lock:
+            printed({**event, "rig": rig})
 
     return print_event
 

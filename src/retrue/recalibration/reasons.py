@@ -188,7 +188,7 @@ class LensUnchecked(Reason):
     def __str__(self) -> str:
         return (
             "the points cannot check the lenses, and a rig is only written over on your word that nobody touched"
-            " them; give it with --lens fixed, or show objects at several depths"
+            ' them; give it with --lens fixed (in TOML: lens = "fixed"), or show objects at several depths'
         )
 
 

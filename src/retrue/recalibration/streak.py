@@ -44,6 +44,28 @@ class StreakOptions:
 
 
 @dataclass(frozen=True, slots=True)
+class CreepOptions:
+    """When many frames together say that the rig creeps.
+
+    Attributes
+    ----------
+    creep_memory
+        Frames that the filter averages over; before so many it says nothing.
+    creep_sigmas
+        Creep that counts, in sigma of the filter; and a frame that jumps so far from the one before is no creep.
+    creep_share
+        Creep that is worth a recalibration, in sigma of a single frame.
+    """
+
+    creep_memory: int = ranged(30, 2)
+    creep_sigmas: float = ranged(5.0, 1, 1e3)
+    creep_share: float = ranged(1.0, 0, 1e3)
+
+    def __post_init__(self) -> None:
+        check_ranges(self)
+
+
+@dataclass(frozen=True, slots=True)
 class Drifted:
     """A frame that had drifted: its number, and how uncertain its own pose is (degrees; the less the better)."""
 

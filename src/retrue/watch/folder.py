@@ -42,7 +42,7 @@ class FolderSource:
     """Polls a folder. What it remembers is only the last arrival that is done, and files that are not done yet.
 
     A file counts as whole when it has not changed for `settle_seconds` and reads; one that never does is handed
-    over as a frame with a problem after `patience_seconds`. Other files do not wait for it.
+    over as a frame with a problem after `patience_seconds`. Other files do not wait for it, nor it for them.
     """
 
     folder: Path
@@ -51,6 +51,7 @@ class FolderSource:
     live: bool = False
     _done: _Arrival = (0, "")
     _waiting: dict[str, _Waiting] = field(default_factory=dict[str, _Waiting])
+    _failed: dict[str, _Waiting] = field(default_factory=dict[str, _Waiting])
 
     def frames(self, stop: threading.Event) -> Iterator[Frame]:
         """Every file once, oldest arrival first."""
@@ -58,9 +59,10 @@ class FolderSource:
         idle_since = time.monotonic()
         while not stop.is_set():
             for name, waiting in self._ready():
-                frame = self._frame(name, waiting)
-                if frame is not None:
-                    yield frame
+                for late, again in [item for item in self._failed.items() if item[1].try_at <= time.monotonic()]:
+                    yield from self._frames_of(late, again)
+                if name in self._waiting:
+                    yield from self._frames_of(name, waiting)
                 if stop.is_set():
                     return
                 idle_since = time.monotonic()
@@ -68,6 +70,15 @@ class FolderSource:
             if self.options.idle_seconds is not None and not self._waiting and idle >= self.options.idle_seconds:
                 return
             stop.wait(self.options.poll_seconds)
+
+    def _frames_of(self, name: str, waiting: _Waiting) -> Iterator[Frame]:
+        """The file, where it can be read, or never will."""
+        self._failed.pop(name, None)
+        frame = self._frame(name, waiting)
+        if frame is not None:
+            yield frame
+        elif name in self._waiting:
+            self._failed[name] = waiting
 
     def _restore(self) -> None:
         if not self.position:
@@ -93,6 +104,7 @@ class FolderSource:
                 known = _Waiting(arrival, size, now, now + self.options.settle_seconds)
             present[name] = known
         self._waiting = present
+        self._failed = {name: item for name, item in self._failed.items() if present.get(name) is item}
         ready = [item for item in present.items() if item[1].try_at <= now]
         return sorted(ready, key=lambda item: item[1].arrival)
 

@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 from retrue.ranges import ranged
-from retrue.recalibration.streak import StreakOptions
+from retrue.recalibration.streak import CreepOptions, StreakOptions
 
 
 @dataclass(frozen=True, slots=True)
@@ -24,6 +24,8 @@ class WatchOptions(StreakOptions):
         One that still cannot be read then is tried again for so long, and then passed over.
     idle_seconds
         End when a folder had nothing new for so long. Without it a watch goes on until it is stopped.
+    creep
+        When many frames together say that the rig creeps.
     """
 
     queue: int = ranged(4, 1)
@@ -31,3 +33,4 @@ class WatchOptions(StreakOptions):
     settle_seconds: float = ranged(0.5, 0, 1e6)
     patience_seconds: float = ranged(10.0, 0, 1e6)
     idle_seconds: float | None = ranged(None, 0, 1e6)
+    creep: CreepOptions = field(default_factory=CreepOptions)

@@ -33,34 +33,43 @@ class Stages:
 
 def real_stages(pattern: Pattern | None, clouds: Path | None, options: VerifyOptions) -> Stages:
     """The jobs of the package, both judging by these options; `clouds` is the folder for a cloud per frame."""
-    from retrue.decoding.decode import decode
-    from retrue.files.ply import write_cloud
-    from retrue.rasters import check_extent
     from retrue.recalibration.recalibrate import recalibrate
+
+    cloud = None if clouds is None else partial(cloud_written, clouds)
+    return Stages(
+        partial(decoded, pattern),
+        partial(verified, options=options),
+        partial(recalibrate, options=options.estimate),
+        cloud,
+    )
+
+
+def decoded(pattern: Pattern | None, frame: Frame) -> Correspondences:
+    """What the frame shows, or holds."""
+    from retrue.decoding.decode import decode
+
+    if isinstance(frame.content, Correspondences):
+        return frame.content
+    if frame.content is None or pattern is None:
+        raise InputError("a picture needs the pattern that it shows: give --pattern P.json")
+    return decode(pattern, frame.content, names=[frame.name])
+
+
+def verified(rig: Rig, captures: Sequence[Correspondences], options: VerifyOptions) -> Verification:
+    """Whether they fit the rig, and are of its pictures at all."""
+    from retrue.rasters import check_extent
     from retrue.recalibration.verify import verify
+
+    for points in captures:
+        check_extent(rig, points)
+    return verify(rig, captures, options)
+
+
+def cloud_written(clouds: Path, rig: Rig, points: Correspondences, name: str) -> Path:
+    """A cloud in that folder."""
+    from retrue.files.ply import write_cloud
     from retrue.reconstruction.reconstruct import reconstruct
 
-    def decoded(frame: Frame) -> Correspondences:
-        if isinstance(frame.content, Correspondences):
-            return frame.content
-        if frame.content is None or pattern is None:
-            raise InputError("a picture needs the pattern that it shows: give --pattern P.json")
-        return decode(pattern, frame.content, names=[frame.name])
-
-    def verified(rig: Rig, captures: Sequence[Correspondences]) -> Verification:
-        for points in captures:
-            check_extent(rig, points)
-        return verify(rig, captures, options)
-
-    def cloud_written(rig: Rig, points: Correspondences, name: str) -> Path:
-        assert clouds is not None
-        path = clouds / f"{name}.ply"
-        write_cloud(path, reconstruct(rig, points))
-        return path
-
-    return Stages(
-        decoded,
-        verified,
-        partial(recalibrate, options=options.estimate),
-        None if clouds is None else cloud_written,
-    )
+    path = clouds / f"{name}.ply"
+    write_cloud(path, reconstruct(rig, points))
+    return path

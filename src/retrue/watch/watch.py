@@ -6,15 +6,18 @@ import threading
 import time
 from collections.abc import Generator, Mapping, Sequence
 from contextlib import contextmanager
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
 from typing import Any
+
+import numpy as np
 
 from retrue.answers import Reason, answer_report
 from retrue.correspondences import Correspondences
 from retrue.errors import FileError, RetrueError
 from retrue.files.history import write_in_place
 from retrue.files.rigs import read_rig
+from retrue.recalibration.creep import Creep, after_frame, creep_is_due, jump
 from retrue.recalibration.result import Accepted, Verification, unattended
 from retrue.recalibration.streak import (
     Drifted,
@@ -33,6 +36,7 @@ from retrue.watch.frame_queue import FrameQueue
 from retrue.watch.options import WatchOptions
 from retrue.watch.stages import Stages
 from retrue.watch.state import WatchState, write_state
+from retrue.watch.temperature import last_reading
 
 
 @dataclass(frozen=True, slots=True)
@@ -63,11 +67,12 @@ class AttemptFailed(Reason):
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Kept:
-    """A drifted frame that may be recalibrated from."""
+    """A frame that may be recalibrated from, and how uncertain its own pose is."""
 
     name: str
     capture: Mapping[str, str]
     points: Correspondences
+    uncertainty_deg: float
 
 
 @dataclass(slots=True)
@@ -78,6 +83,7 @@ class Watch:
     ----------
     rig_path : read again whenever somebody else has changed it; a rig is only written together with its history.
     state_path : where to go on after the end, saved after each frame.
+    temperature : a table that somebody writes; its last value stands beside each frame.
     """
 
     rig_path: Path
@@ -86,10 +92,14 @@ class Watch:
     state: WatchState
     state_path: Path
     options: WatchOptions = field(default_factory=WatchOptions)
+    temperature: Path | None = None
     _rig: Rig | None = None
     _stamp: tuple[int, ...] = ()
     _streak: Streak = field(default_factory=Streak)
     _kept: dict[int, _Kept] = field(default_factory=dict[int, _Kept])
+    _creep: Creep | None = None
+    _recent: list[_Kept] = field(default_factory=list[_Kept])
+    _jumped: bool = False
 
     def run(self, source: Source, stop: threading.Event) -> dict[str, Any]:
         """Until the source ends or `stop` is set; returns the last event. Raises what the source raises."""
@@ -130,45 +140,68 @@ class Watch:
             self.state.counts.bad += 1
             self._write("bad frame", frame, reason=_one_line(error), seconds=seconds)
         else:
-            self._follow(frame, points, found)
+            self._follow(rig, frame, points, found)
             suspect = found.verdict == "drifted" or bool(self._streak.drifted)
             cloud = None if suspect else self._cloud(rig, points, frame.name, seconds)
-            self._write("frame", frame, **_verification_values(found), cloud=cloud, seconds=seconds)
+            beside = {"creep": _creep_values(self._creep), "temperature": last_reading(self.temperature)}
+            self._write("frame", frame, **_verification_values(found), **beside, cloud=cloud, seconds=seconds)
             if is_due(self._streak, self.options):
                 self._recalibrate(rig)
+            elif not self._streak.drifted and creep_is_due(self._creep, self.options.creep):
+                self._recalibrate_crept(rig)
         self.state.position = frame.position
         write_state(self.state_path, self.state)
 
-    def _follow(self, frame: Frame, points: Correspondences, found: Verification) -> None:
-        counts = self.state.counts
+    def _follow(self, rig: Rig, frame: Frame, points: Correspondences, found: Verification) -> None:
+        counts, pose = self.state.counts, rig.projector_from_camera
+        sigma = float("inf") if found.sigma is None else found.sigma.rotation_deg + found.sigma.translation_deg
+        kept = _Kept(frame.name, frame.capture, points, sigma)
+        if found.verdict == "drifted" and not self._streak.drifted:
+            self._jumped = self._creep is None or jump(self._creep, pose, found) > self.options.creep.creep_sigmas
+        self._creep = after_frame(self._creep, pose, found, self.options.creep)
+        if found.verdict != "unknown":
+            self._recent = [*self._recent, kept][-self.options.remembered_frames :]
         setattr(counts, found.verdict, getattr(counts, found.verdict) + 1)
         if found.verdict == "good":
             self._streak = after_good()
         elif found.verdict == "unknown":
             self._streak = after_unknown(self._streak, self.options)
         else:
-            sigma = float("inf") if found.sigma is None else found.sigma.rotation_deg + found.sigma.translation_deg
             self._streak = after_drifted(self._streak, Drifted(counts.frames, sigma), self.options)
-            self._kept[counts.frames] = _Kept(frame.name, frame.capture, points)
+            self._kept[counts.frames] = kept
         remembered = {drifted.number for drifted in self._streak.drifted}
         self._kept = {number: kept for number, kept in self._kept.items() if number in remembered}
 
     def _recalibrate(self, rig: Rig) -> None:
+        kind = "bump" if self._jumped else "creep"
         causes: list[Reason] = []
         seconds: dict[str, float] = {}
         for numbers in attempts(self._streak, self.options):
             kept = [self._kept[number] for number in numbers]
             with _timed(seconds, "recalibrate"):
-                cause = self._attempt(rig, kept, seconds)
+                cause = self._attempt(rig, kept, seconds, kind)
             if cause is None:
                 return
             causes.append(cause)
         self._streak = after_refusal(self._streak)
+        self._refuse(kind, causes, seconds)
+
+    def _recalibrate_crept(self, rig: Rig) -> None:
+        """From the surest of the last frames; each of them may still be good."""
+        kept = sorted(self._recent, key=lambda item: item.uncertainty_deg)[: self.options.joint_frames]
+        seconds: dict[str, float] = {}
+        with _timed(seconds, "recalibrate"):
+            cause = self._attempt(rig, kept, seconds, "creep")
+        if cause is not None and self._creep is not None:
+            self._creep = replace(self._creep, rested=0)
+            self._refuse("creep", [cause], seconds)
+
+    def _refuse(self, kind: str, causes: Sequence[Reason], seconds: dict[str, float]) -> None:
         self.state.counts.refused += 1
         reason = "; ".join(dict.fromkeys(map(str, causes)))
-        self.events.write("refused", verdict="refused", cause=causes[0].name, reason=reason, seconds=seconds)
+        self.events.write("refused", kind=kind, verdict="refused", cause=causes[0].name, reason=reason, seconds=seconds)
 
-    def _attempt(self, rig: Rig, kept: Sequence[_Kept], seconds: dict[str, float]) -> Reason | None:
+    def _attempt(self, rig: Rig, kept: Sequence[_Kept], seconds: dict[str, float], kind: str) -> Reason | None:
         """Recalibrate from these frames and write the rig; why not, where not."""
         captures = [item.points for item in kept]
         try:
@@ -185,10 +218,11 @@ class Watch:
             return AttemptFailed(_one_line(error))
         self._rig, self._stamp = result.rig, _stamp(self.rig_path)
         clouds = [self._cloud(result.rig, item.points, item.name, seconds) for item in self._kept.values()]
-        self._streak, self._kept = Streak(), {}
+        self._forget()
         self.state.counts.recalibrated += 1
         self.events.write(
             "recalibrated",
+            kind=kind,
             history_id=entry.id,
             frames=[item.name for item in kept],
             **answer_report(result),
@@ -221,10 +255,14 @@ class Watch:
                     raise
                 self.events.write("rig unreadable", reason=str(error))  # the one that we know is as good as ever
                 return self._rig
-            self._streak, self._kept = Streak(), {}
+            self._forget()
             if not first:
                 self.events.write("rig changed", rig=self.rig_path)
         return self._rig
+
+    def _forget(self) -> None:
+        """Another rig: what frames said of the one before says nothing of it."""
+        self._streak, self._kept, self._creep, self._recent = Streak(), {}, None, []
 
     def _count_dropped(self, count: int) -> None:
         if count:
@@ -244,6 +282,13 @@ def _verification_values(found: Verification) -> dict[str, Any]:
         "drift": None if found.drift is None else asdict(found.drift),
         "drift_sigmas": found.drift_sigmas,
     }
+
+
+def _creep_values(creep: Creep | None) -> dict[str, Any] | None:
+    if creep is None or creep.baseline is None:
+        return None
+    rotation, translation = np.degrees(creep.added).tolist()
+    return {"rotation_deg": rotation, "translation_deg": translation, "sigmas": creep.sigmas}
 
 
 def _stamp(path: Path) -> tuple[int, ...]:
