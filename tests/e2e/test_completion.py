@@ -46,4 +46,7 @@ def test_fish_offers_files_and_choices(capsys: pytest.CaptureFixture[str]):
     assert main(["completion", "fish"]) == 0
     script = capsys.readouterr().out
     assert "--no-files" not in script
-    assert "'__fish_seen_subcommand_from pattern' --arguments 'color-grid gray-code phase-shift sequence'" in script
+    assert (
+        "'__fish_seen_subcommand_from pattern' --arguments 'color-grid line-grid gray-code phase-shift sequence'"
+        in script
+    )

@@ -112,7 +112,10 @@ def test_columns_alone_make_a_cloud_and_say_that_nothing_checks_the_rig(retrue: 
     assert run.status == 0
     assert run.json["verdict"] == "unknown"
     assert run.json["cause"] == "OneCoordinate"
-    assert run.json["points"] == np.count_nonzero(points.projector_px[:, 1] < 767.5)  # in the projector's picture
+    in_the_picture = read_rig(files.rig).projector.contains(points.projector_px)
+    assert run.json["points"] == pytest.approx(
+        np.count_nonzero(in_the_picture), abs=3
+    )  # as near the edge as noise has it
 
 
 @pytest.mark.parametrize("rows", [1, 2])

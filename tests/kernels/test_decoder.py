@@ -10,7 +10,8 @@ import cv2
 import numpy as np
 import pytest
 
-from retrue.decoding.blocks import blobs, centres, colors, growth, holders, islands, links, places, surface
+from retrue.decoding import surface
+from retrue.decoding.blocks import blobs, centres, colors, growth, holders, islands, links, places
 from retrue.decoding.blocks.decode_color_grid import inspect_color_grid
 from retrue.geometry import nearest
 from retrue.patterns.color_grid import make_color_grid
