@@ -135,7 +135,9 @@ def test_from_an_empty_folder_through_a_bump_and_back(browser: Any, tmp_path: Pa
         page.get_by_role("button", name="Check", exact=True).focus()  # and by keyboard
         page.keyboard.press("Enter")
         expect(page.get_by_role("status")).to_contain_text("drifted", timeout=PATIENCE)
-        assert [line for line in complaints if "ERR_CONNECTION_REFUSED" not in line and "WebSocket" not in line] == []
+        # A server that is killed refuses, or breaks off what it was sending.
+        killed = ("ERR_CONNECTION_REFUSED", "ERR_CONNECTION_RESET", "ERR_EMPTY_RESPONSE", "WebSocket")
+        assert [line for line in complaints if not any(word in line for word in killed)] == []
         status, said = server.end()
         assert (status, said) == (0, "ended\n")
     finally:
