@@ -224,3 +224,16 @@ def test_what_the_calibration_knows_of_the_lenses_stays_with_them() -> None:
     found = accepted(recalibrate(old, [capture(SCENES["corner"])])).rig.evidence
     assert found["lens_covariance"] == known
     assert found["covariance"] != of_the_old_pose
+
+
+def test_refitted_lenses_have_the_covariance_of_their_own_fit() -> None:
+    camera = replace(CAMERA, K=CAMERA.K * [[1.1, 1, 1], [1, 1.1, 1], [1, 1, 1]])
+    points = capture(Scene(planes=[WALL, SIDE_WALL], spheres=[SPHERE]), rig=replace(RIG, camera=camera))
+    known = np.diag(np.tile([4e-6, 1.0, 1.0, 1e-6], 2))
+    old = replace(RIG, evidence={"lens_covariance": known.tolist()})
+    rig = accepted(recalibrate(old, [points], RecalibrateOptions(lens="refit"))).rig
+    found = np.array(rig.evidence["lens_covariance"])
+    assert found.shape == known.shape
+    assert np.linalg.eigvalsh(found)[0] > 0
+    assert found[0, 0] > 2 * known[0, 0]  # one picture knows a focal length less well than that calibration did
+    assert abs(np.log(rig.camera.K[0, 0] / camera.K[0, 0])) < 5 * np.sqrt(found[0, 0])

@@ -31,8 +31,6 @@ from retrue.recalibration.result import (
 from retrue.recalibration.scale import translation_length
 from retrue.rig import Rig, require_rig
 
-KEPT = ("lens_covariance",)  # of the old rig's evidence: its lenses are the new rig's
-
 
 def recalibrate(
     rig: Rig, captures: Sequence[Correspondences], options: RecalibrateOptions | None = None
@@ -125,7 +123,7 @@ def _angles(known: PoseSigma) -> dict[str, float]:
 
 
 def _new_rig(rig: Rig, judgement: Judgement, evidence: Evidence) -> Rig:
-    lenses = {key: rig.evidence[key] for key in ("lens_covariance",) if key in rig.evidence}
+    lenses = {key: rig.evidence[key] for key in ("lens_covariance",) if key in rig.evidence}  # its lenses are the same
     if judgement.lens.verdict == "changed":
         lenses = {"lens_covariance": judgement.answer.lens_covariance.tolist()}
         lens = judgement.answer.parameters.lens
@@ -147,6 +145,5 @@ def _new_rig(rig: Rig, judgement: Judgement, evidence: Evidence) -> Rig:
             "scale": evidence.scale,
             "working_distance": evidence.working_distance,
             **evidence.details,
-            **{key: rig.evidence[key] for key in KEPT if key in rig.evidence},
         },
     )
