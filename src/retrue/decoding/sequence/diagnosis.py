@@ -138,11 +138,18 @@ def _order(
 ) -> tuple[Hypothesis, Judgement] | None:
     """The order that fits clearly best; the expected one where it fits as well.
 
-    Where none fits well, pictures of unlike brightness may hide their bits: they are judged again without their gains.
+    Where none fits well, pictures of unlike brightness, or a share of the picture before, may hide their bits: they are
+    judged again without that share, and without their gains, and as they are where neither makes an order fit better.
     """
-    for seen in (sample, sample.corrected(fit_gains(sample, frames), 0.0)):
-        judged = [(own, judge(seen, own.frames, projector_size)) for own in hypotheses(frames)]
-        if max(own.score for _, own in judged if own.changes >= FEWEST_CHANGES or own is judged[0][1]) > CLEAR_SCORE:
+    ones = np.ones(len(sample.here))
+    views = [(ones, 0.0), (ones, fit_share(sample, frames)), (fit_gains(sample, frames), 0.0)]
+    judged, fits = list[tuple[Hypothesis, Judgement]](), -1.0
+    for view in views:
+        seen = [(own, judge(sample.corrected(*view), own.frames, projector_size)) for own in hypotheses(frames)]
+        best_of_view = max((own.score for _, own in seen if own.changes >= FEWEST_CHANGES), default=0.0)
+        if best_of_view > fits:
+            judged, fits = seen, best_of_view
+        if fits > CLEAR_SCORE:
             break
     expected = judged[0]
     told = [pair for pair in judged if pair[1].changes >= FEWEST_CHANGES]
