@@ -3,14 +3,18 @@
 from __future__ import annotations
 
 from itertools import pairwise
+from pathlib import Path
 
 import numpy as np
 import pytest
 
 from retrue.decoding.decode import decode
 from retrue.errors import CaptureError
+from retrue.files.captures import read_capture
+from retrue.files.patterns import read_pattern
 from retrue.patterns.gray_code import GrayCode
 
+FAULTS = Path(__file__).parents[3] / "shared" / "data" / "faults"
 PATTERN = GrayCode((128, 96))
 NAMES = [f"shot_{number:02d}.png" for number in range(PATTERN.picture_count)]
 
@@ -175,3 +179,21 @@ def test_projector_size_that_the_codes_exceed(pictures, size, axis):
 
 def test_no_pictures():
     assert "found 0" in problem([], [])
+
+
+@pytest.mark.skipif(not FAULTS.is_dir(), reason="shared/data/faults is absent")
+@pytest.mark.parametrize(
+    ("folder", "cause"),
+    [
+        ("gray-agc_left", "switch automatic exposure off"),
+        ("gray-agc_mid", "switch automatic exposure off"),
+        ("gray-ghost30", "holds 30 % of the one before it"),
+        ("gray-rowsfirst", "the row pictures come before the column pictures"),
+    ],
+)
+def test_captures_as_people_hand_them_in(folder: str, cause: str):
+    pattern = read_pattern(FAULTS / folder / "pattern.json")
+    points = read_capture(FAULTS / folder / "capture", pattern)
+    assert len(points) > 1000
+    assert points.card is not None
+    assert any(cause in line for line in points.card.advice)
