@@ -10,6 +10,9 @@ import numpy as np
 from retrue.errors import InputError
 from retrue.geometry.arrays import FloatArray, Image
 
+GRAY_CHROMA = 6.0  # grey levels between channels that noise and white balance explain
+DARK_SHARE, BRIGHT_SHARE = 0.1, 0.9  # of full scale
+
 
 def scene_light(image: Image, black: Image | None, white: Image | None) -> Image:
     """The picture as RGB, without the room's light and without paint, as far as those are known."""
@@ -54,3 +57,16 @@ def coverage(points: FloatArray, width: int, height: int) -> float:
         return 0.0
     hull = cv2.convexHull(points.astype(np.float32))
     return float(cv2.contourArea(hull)) / (width * height)
+
+
+def unusable_picture(picture: Image) -> str:
+    """Why nobody could decode colours from a picture (h, w, 3), in one sentence; empty where it may be decoded."""
+    few = picture[::3, ::3].astype(np.float64)
+    full = float(np.iinfo(picture.dtype).max)
+    bright = np.percentile(few.max(axis=-1), 99)
+    if bright < DARK_SHARE * full:
+        return "too dark: expose longer, or dim the room and brighten the projector"
+    if np.median(few.min(axis=-1)) > BRIGHT_SHARE * full:
+        return "overexposed: expose shorter"
+    chroma = np.percentile(few.max(axis=-1) - few.min(axis=-1), 99) * 255 / full
+    return "not a colour picture" if chroma < GRAY_CHROMA else ""

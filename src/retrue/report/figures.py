@@ -80,3 +80,19 @@ def picture_layout(size: tuple[int, int], image: Image | None, opacity: float = 
             | {"sizex": width, "sizey": height, "sizing": "stretch", "opacity": opacity}
         ]
     return layout
+
+
+def with_color_bar(
+    layout: dict[str, Any],
+    colors: object,
+    limits: tuple[float, float],
+    ticks: tuple[list[float | None], list[str]],
+    title: str,
+) -> dict[str, Any]:
+    """The layout with a scale of colors from limit to limit below it, and room for that; ticks at values, as texts."""
+    low, high = limits
+    values, texts = ticks
+    bar = {"orientation": "h", "thickness": 8, "len": 0.6, "y": -0.05, "yanchor": "top"}
+    bar |= {"tickvals": values, "ticktext": texts, "title": {"text": title, "side": "top"}}
+    axis = {"colorscale": colors, "cmin": low, "cmax": high, "colorbar": bar}
+    return {**layout, "coloraxis": axis, "margin": {**layout["margin"], "b": 84}}

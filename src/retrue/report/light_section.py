@@ -12,7 +12,7 @@ from retrue.geometry.arrays import FloatArray
 from retrue.recalibration.predicted_light import in_the_cameras_curve, measured_light, predicted_light
 from retrue.recalibration.result import Evidence
 from retrue.report.evidence_tables import candidate_name
-from retrue.report.figures import every, numbers, picture_layout
+from retrue.report.figures import every, numbers, picture_layout, with_color_bar
 from retrue.report.page import Chart, Section, Tabs
 from retrue.rig import Rig
 from retrue.shown import figures
@@ -84,24 +84,10 @@ def _picture(
         "hovertemplate": "pixel %{x:.0f}, %{y:.0f}<br>%{customdata} times the usual<extra></extra>",
         "marker": {"size": 6, "color": numbers(log_light[known], 3), "coloraxis": "coloraxis", "line": {"width": 0}},
     }
-    layout = picture_layout(rig.camera.size, None)
     ticks = [tick for tick in TICKS if abs(math.log(tick)) <= spread]
-    layout["coloraxis"] = {
-        "colorscale": COLORS,
-        "cmin": -spread,
-        "cmax": spread,
-        "colorbar": {
-            "orientation": "h",
-            "thickness": 8,
-            "len": 0.6,
-            "y": -0.05,
-            "yanchor": "top",
-            "tickvals": numbers(np.log(ticks)),
-            "ticktext": [f"{tick:g}" for tick in ticks],
-            "title": {"text": "brightness, times the usual of its colour", "side": "top"},
-        },
-    }
-    layout["margin"] = {**layout["margin"], "b": 84}
+    marks = numbers(np.log(ticks)), [f"{tick:g}" for tick in ticks]
+    title = "brightness, times the usual of its colour"
+    layout = with_color_bar(picture_layout(rig.camera.size, None), COLORS, (-spread, spread), marks, title)
     unlit = int(np.count_nonzero(~known))
     note = f" {unlit:,} points lie where it has no plane that the projector lights." if unlit else ""
     width, height = rig.camera.size

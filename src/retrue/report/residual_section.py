@@ -15,7 +15,7 @@ from retrue.capture import Capture
 from retrue.geometry.arrays import FloatArray, IntArray
 from retrue.geometry.transform import skew
 from retrue.reconstruction.reconstruct import epipolar_residuals
-from retrue.report.figures import every, numbers, picture_layout, polyline
+from retrue.report.figures import every, numbers, picture_layout, polyline, with_color_bar
 from retrue.report.page import Chart, Section, Tabs
 from retrue.rig import Rig
 from retrue.shown import figures
@@ -96,22 +96,8 @@ def point_picture(rig: Rig, capture: Capture) -> Chart:
         },
     }
     layout = picture_layout(rig.camera.size, capture.photograph, PALE)
-    layout["coloraxis"] = {
-        "colorscale": RESIDUAL_COLORS,
-        "cmin": low,
-        "cmax": high,
-        "colorbar": {
-            "orientation": "h",
-            "thickness": 8,
-            "len": 0.6,
-            "y": -0.05,
-            "yanchor": "top",
-            "tickvals": numbers(np.log10(ticks)),
-            "ticktext": [f"{tick:g}" for tick in ticks],
-            "title": {"text": "residual, px", "side": "top"},
-        },
-    }
-    layout["margin"] = {**layout["margin"], "b": 84}
+    marks = numbers(np.log10(ticks)), [f"{tick:g}" for tick in ticks]
+    layout = with_color_bar(layout, RESIDUAL_COLORS, (low, high), marks, "residual, px")
     return Chart(
         {"data": [trace], "layout": layout},
         f"Photograph with {shown} decoded points colored by residual",

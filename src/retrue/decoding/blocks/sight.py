@@ -12,17 +12,16 @@ from numpy.typing import NDArray
 
 from retrue.decoding.blocks.blobs import Blocks
 from retrue.decoding.blocks.links import Links
+from retrue.decoding.pictures import unusable_picture
 from retrue.geometry.arrays import FloatArray, Image, IntArray
 from retrue.patterns.color_grid import ColorGrid
 
 GOOD_COUNT = 30  # points that a job can work with
 SMALLEST_BLOCK = 5.0  # px
-GRAY_CHROMA = 6.0  # grey levels between channels that noise and white balance explain
 LINE_SURROUNDINGS = 16  # in a picture's side
 LINE_CONTRAST = 0.3  # of the picture's scatter
 NET_SHARE = 0.4  # of the picture's width and height
 THINNEST_NET, THICKEST_NET = 0.15, 0.5  # of the box around it that the net fills
-DARK_SHARE, BRIGHT_SHARE = 0.1, 0.9  # of full scale
 
 
 class Verdict(IntEnum):
@@ -99,16 +98,8 @@ def advise(sight: GridSight, decoded: int) -> str:
     """One sentence for the user; empty where there is nothing to say."""
     if decoded >= GOOD_COUNT:
         return ""
-    picture = sight.picture[::3, ::3].astype(np.float64)
-    full = float(np.iinfo(sight.picture.dtype).max)
-    bright = np.percentile(picture.max(axis=-1), 99)
-    if bright < DARK_SHARE * full:
-        return "too dark: expose longer, or dim the room and brighten the projector"
-    if np.median(picture.min(axis=-1)) > BRIGHT_SHARE * full:
-        return "overexposed: expose shorter"
-    chroma = np.percentile(picture.max(axis=-1) - picture.min(axis=-1), 99) * 255 / full
-    if chroma < GRAY_CHROMA:
-        return "not a colour picture"
+    if unusable := unusable_picture(sight.picture):
+        return unusable
     linked = int(((sight.links.neighbour >= 0).sum(axis=1) >= 3).sum())
     if linked < GOOD_COUNT:
         if _shows_lines(sight.picture):

@@ -4,18 +4,15 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-import numpy as np
-
 from retrue.decoding.lines.crossings import Crossings
 from retrue.decoding.lines.places import Places
 from retrue.decoding.lines.surfaces import Surfaces
+from retrue.decoding.pictures import unusable_picture
 from retrue.geometry.arrays import FloatArray, Image
 from retrue.patterns.line_grid import LineGrid
 
 GOOD_COUNT = 30  # points that a job can work with
 SMALLEST_PITCH = 5.0  # px
-GRAY_CHROMA = 6.0  # grey levels between channels that noise and white balance explain
-DARK_SHARE, BRIGHT_SHARE = 0.1, 0.9  # of full scale
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -60,16 +57,8 @@ def advise(sight: LineSight) -> str:
     """One sentence for the user; empty where there is nothing to say."""
     if sight.decoded >= GOOD_COUNT:
         return ""
-    picture = sight.picture[::3, ::3].astype(np.float64)
-    full = float(np.iinfo(sight.picture.dtype).max)
-    bright = np.percentile(picture.max(axis=-1), 99)
-    if bright < DARK_SHARE * full:
-        return "too dark: expose longer, or dim the room and brighten the projector"
-    if np.median(picture.min(axis=-1)) > BRIGHT_SHARE * full:
-        return "overexposed: expose shorter"
-    chroma = np.percentile(picture.max(axis=-1) - picture.min(axis=-1), 99) * 255 / full
-    if chroma < GRAY_CHROMA:
-        return "not a colour picture"
+    if unusable := unusable_picture(sight.picture):
+        return unusable
     if not sight.pitch_px > 0 or len(sight.crossings) < GOOD_COUNT:
         return "no lines seen: out of focus, or closer than 5 px: focus, move closer or use a coarser grid"
     if sight.pitch_px < SMALLEST_PITCH:
