@@ -11,6 +11,7 @@ from retrue.files import images
 from retrue.files.captures import load_capture, read_capture
 from retrue.patterns.color_grid import ColorGrid
 from retrue.patterns.gray_code import GrayCode
+from retrue.patterns.layouts import layout_sequence
 from retrue.patterns.line_grid import make_line_grid
 
 PATTERN = GrayCode((40, 30))
@@ -43,6 +44,17 @@ def test_a_capture_keeps_the_scene_in_white_light_where_it_is_asked_to(folder):
     assert left.size == kept.size
     assert kept.card.seen == kept.card.decoded + sum(kept.card.rejected.values())
     np.testing.assert_array_equal(left.points.camera_px, kept.points.camera_px)
+
+
+def test_sines_where_a_gray_code_was_expected_are_called_so(tmp_path):
+    sequence = layout_sequence("slstudio-2x3", (320, 240))
+    for index, picture in enumerate(sequence.render()):
+        cv2.imwrite(str(tmp_path / f"img{index:02d}.png"), picture // 2 + 20)
+    with pytest.raises(
+        CaptureError, match=r"the pattern is another code: it holds 12 pictures, sinusoidal: phase shift\?"
+    ):
+        read_capture(tmp_path, GrayCode((320, 240)))
+    assert len(read_capture(tmp_path, sequence)) > 0.5 * 320 * 240
 
 
 def test_a_table_has_no_photograph(tmp_path):

@@ -87,7 +87,12 @@ def _read_sequence(path: Path, pattern: Pattern | None) -> tuple[Correspondences
         points, sequence = decode_pictures(pattern, images, [entry.name for entry in paths])
         return points, sequence.color
     except CaptureError as error:
-        raise CaptureError(path, error.problem) from error
+        from retrue.decoding.sequence.diagnosis import shows_another_code
+
+        problem = (
+            f"the pattern is another code: {_seems(path)}" if shows_another_code(pattern, images) else error.problem
+        )
+        raise CaptureError(path, problem) from error
 
 
 def _read_grid_folder(path: Path, pattern: ColorGrid | LineGrid) -> tuple[Correspondences, Image]:

@@ -114,17 +114,31 @@ def diagnose(pattern: GrayCode | FrameSequence, images: Sequence[Image], names: 
 
 def looks_like(images: Sequence[Image], projector_size: tuple[int, int] = (1024, 768)) -> str:
     """What a folder of pictures seems to be, and what to try."""
-    sample = take_sample(grey_pictures(images), np.random.default_rng(0))
+    sines = show_sines(images)
     count = f"{len(images)} pictures"
-    if sample is None:
+    if sines is None:
         return count
-    low, high = sample.here.min(axis=0), sample.here.max(axis=0)
-    scaled = (sample.here - low) / np.maximum(high - low, 1e-6)
-    between = np.count_nonzero((scaled > MIDDLE[0]) & (scaled < MIDDLE[1])) / scaled.size
-    what = "sinusoidal: phase shift?" if between > SINUSOIDAL else "bright or dark: Gray code?"
-    fitting = [name for name in LAYOUTS if _has(name, projector_size, len(images), sines=between > SINUSOIDAL)]
+    what = "sinusoidal: phase shift?" if sines else "bright or dark: Gray code?"
+    fitting = [name for name in LAYOUTS if _has(name, projector_size, len(images), sines=sines)]
     tried = f"; a pattern of the layout {' or '.join(fitting)} has as many" if fitting else ""
     return f"{count}, {what}{tried}; `retrue pattern sequence --layout ...` makes one"
+
+
+def show_sines(images: Sequence[Image]) -> bool | None:
+    """Whether a sequence shows sines, and not bits; None where its pictures are too small or dark to tell."""
+    sample = take_sample(grey_pictures(images), np.random.default_rng(0))
+    if sample is None:
+        return None
+    low, high = sample.here.min(axis=0), sample.here.max(axis=0)
+    scaled = (sample.here - low) / np.maximum(high - low, 1e-6)
+    return np.count_nonzero((scaled > MIDDLE[0]) & (scaled < MIDDLE[1])) / scaled.size > SINUSOIDAL
+
+
+def shows_another_code(pattern: GrayCode | FrameSequence, images: Sequence[Image]) -> bool:
+    """Whether the pictures show sines where the pattern has bits, or bits where it has sines only."""
+    codes = {"gray"} if isinstance(pattern, GrayCode) else {frame.code for frame in pattern.frames}
+    sines = show_sines(images)
+    return sines is not None and codes & {"gray", "phase"} == ({"gray"} if sines else {"phase"})
 
 
 def _has(layout: str, size: tuple[int, int], count: int, *, sines: bool) -> bool:
