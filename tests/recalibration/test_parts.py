@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from retrue.correspondences import Correspondences
-from retrue.geometry.transform import vector_from_rotation
+from retrue.geometry.transform import direction_angle, rotation_angle, vector_from_rotation
 from retrue.geometry.two_view import FREE, tangent_basis
 from retrue.recalibration.chance import beyond_chance, without_chance
 from retrue.recalibration.fit import Support, evaluate
@@ -53,6 +53,20 @@ def test_what_is_seen_in_a_mirror_is_set_aside_and_counted(scene: str, share: fl
         assert result.evidence.sigma is not None
         assert error < max(0.1, 3 * result.evidence.sigma.rotation_deg)
         assert result.evidence.details["points_of_another_pose"] == pytest.approx(rows.sum(), rel=0.15)
+
+
+def test_a_pose_fitted_with_and_without_a_part_is_one_rival_with_a_residual() -> None:
+    points, _ = mirrored(SCENES["corner"], 0.4, 0)
+    evidence = recalibrate(NEAR, [points]).evidence
+    others = [one for one in evidence.candidates if not one.chosen]
+    assert len(others) == len(evidence.rivals) > 0
+    for index, one in enumerate(others):
+        assert np.isfinite(one.rms_px)
+        for other in others[:index]:
+            pose, its = one.projector_from_camera, other.projector_from_camera
+            apart = max(rotation_angle(pose.R @ its.R.T), direction_angle(pose.t, its.t))
+            assert apart > np.radians(0.5)
+    assert [rival.margin for rival in evidence.rivals] == sorted(rival.margin for rival in evidence.rivals)
 
 
 def test_wrong_matches_off_a_wall_move_no_pose_further_than_its_sigma() -> None:

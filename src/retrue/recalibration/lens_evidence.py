@@ -148,9 +148,7 @@ def _joint_costs(posterior: Posterior, reference: Posterior) -> FloatArray:
 
 
 def effective_prior(tight: LensPrior, lens: LensEvidence) -> LensPrior:
-    """Where the points check the focal lengths, they are not believed more closely than a third of what those tell."""
-    if lens.verdict != "checked":
-        return tight
+    """Focal lengths that the points checked are not believed more closely than a third of what those tell."""
     widened = np.zeros(2 * LENS_PARAMETERS)
     widened[FOCAL] = np.maximum((lens.sigma[FOCAL] / 3) ** 2 - np.diag(tight.covariance)[FOCAL], 0.0)
     return LensPrior(tight.covariance + np.diag(widened))

@@ -13,7 +13,7 @@ from retrue.answers import Reason
 from retrue.geometry.arrays import BoolArray, FloatArray
 from retrue.geometry.plane import Plane
 from retrue.geometry.transform import RigidTransform
-from retrue.geometry.two_view import FREE, TwoViewPoints, TwoViewPose
+from retrue.geometry.two_view import FREE, TwoViewPoints, TwoViewPose, residuals
 from retrue.recalibration.fit import PoseFit
 from retrue.recalibration.options import LensWord
 from retrue.recalibration.reasons import TOO_LITTLE, LensUnchecked, PoseDrifted
@@ -42,7 +42,7 @@ class PoseCandidate(ByValue, ShortRepr):
     ----------
     projector_from_camera : t has the length that the scale policy gives it.
     planes : the planes of each capture in turn, camera frame, the rig's unit.
-    rms_px : of all points that this pose explains, Sampson distance.
+    rms_px : of the points that the best of the poses explains, Sampson distance.
     off_plane_rms_px : epipolar RMS of the points off the first plane; None where there are none.
     chosen : whether the evidence settled on this one.
     """
@@ -280,15 +280,20 @@ def refuted(verification: Verification, cause: Reason) -> Verification:
 
 
 def candidate(fit: PoseFit, points: TwoViewPoints, scored: BoolArray, length: float, *, chosen: bool) -> PoseCandidate:
-    """One pose with t of that length; `scored` (N,) are the points that any of the poses explains."""
-    planes = points.plane_index
+    """One pose with t of that length; `scored` (N,) are the points that the best of the poses explains.
+
+    Points that a fit was made without are asked all the same.
+    """
+    across, planes = fit.found.epipolar, points.plane_index
+    if np.isnan(across[scored]).any():
+        across = np.where(np.isnan(across), residuals(fit.pose, points).epipolar, across)
     largest = int(np.argmax(np.bincount(planes[planes != FREE], minlength=1)))
     off_plane = scored & (planes != largest)
     return PoseCandidate(
         RigidTransform(fit.pose.R, fit.pose.t * length),
         tuple(Plane.from_n(n / length) for n in fit.pose.planes),
-        rms(fit.found.epipolar[scored]),
-        rms(fit.found.epipolar[off_plane]) if off_plane.any() else None,
+        rms(across[scored]),
+        rms(across[off_plane]) if off_plane.any() else None,
         chosen,
     )
 

@@ -221,7 +221,16 @@ def _rivals(
         seen = light.evidence(best, [found[index].posterior for index in near], few, rng)
         for index, nats in zip(near, seen, strict=True):
             found[index] = replace(found[index], light=nats)
-    return tuple(found)
+    return _strongest_of_each_pose(found)
+
+
+def _strongest_of_each_pose(rivals: list[Rival]) -> tuple[Rival, ...]:
+    """A pose that was fitted with and without a part of the points is one rival."""
+    kept: list[Rival] = []
+    for rival in sorted(rivals, key=lambda one: one.margin):
+        if not any(same_pose(rival.posterior.pose, other.posterior.pose) for other in kept):
+            kept.append(rival)
+    return tuple(kept)
 
 
 def _same(best: Posterior, pose: TwoViewPose) -> bool:
