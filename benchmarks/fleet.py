@@ -3,8 +3,8 @@
 python benchmarks/fleet.py [--rigs 50] [--frames 20000] [--workers 2] [--stops 5]
 
 Frames are tables of points that lie in a folder a rig. The command runs as users run it; SIGTERM comes at random, and
-then it is started again. Prints what was found of what, events lost or twice, memory, and frames a second beside
-reading and verifying alone.
+then it is started again. Prints what was found of what, events lost or twice, memory, and what a frame takes beside
+reading and verifying alone: by the clock, and of the processors, which other work on the machine disturbs less.
 """
 
 from __future__ import annotations
@@ -20,8 +20,10 @@ import tempfile
 import time
 from collections import Counter
 from concurrent.futures import ProcessPoolExecutor
+from dataclasses import dataclass, field
 from multiprocessing import get_context
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -33,6 +35,8 @@ from retrue import read_points, verify, write_points, write_rig
 
 COMMAND = [sys.executable, "-c", "import sys; from retrue.cli.main import main; sys.exit(main())", "watch"]
 WITHIN = 5  # frames in which a bump must be found
+FLAT = 0.05  # growth of memory
+SHARE = 0.9  # of the throughput of reading and verifying alone
 WARM = 0.2  # share of the time after which memory must be flat
 LIMITS = "[limits]\npoll_seconds = 0.5\nsettle_seconds = 0.2\npatience_seconds = 1.0\nidle_seconds = 8.0\n"
 ALONE = 200  # frames that are verified without a fleet
@@ -50,12 +54,12 @@ def main() -> int:
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
         bumps = made(folder, asked.rigs, each, asked.workers)
-        before = frames_a_second_alone(folder, asked.workers)
-        megabytes, seconds = run(folder, asked.stops)
-        after = frames_a_second_alone(folder, asked.workers)  # the machine may be busier by now
-        print(f"reading and verifying alone: {before:.1f} frames a second before, {after:.1f} after")
-        alone = (before + after) / 2
-        return int(not survey(folder, asked.rigs, each, bumps, megabytes, seconds, alone))
+        before = alone(folder, asked.workers)
+        took = run(folder, asked.stops)
+        after = alone(folder, asked.workers)  # the machine may be busier by now
+        good = survey(folder, asked.rigs, each, bumps)
+        good &= memory_is_flat(took.megabytes)
+        return int(not (good and is_quick(asked.rigs * each, took, before, after)))
 
 
 def made(folder: Path, rigs: int, each: int, workers: int) -> dict[int, int]:
@@ -86,43 +90,60 @@ def made(folder: Path, rigs: int, each: int, workers: int) -> dict[int, int]:
     return bumps
 
 
-def verified(path: Path) -> str:
-    return verify(RIG, [read_points(path)]).verdict
+@dataclass(slots=True)
+class Took:
+    """Of some frames: by the clock, of all processors together, and memory of the process once a second."""
+
+    seconds: float = 0.0
+    processor_seconds: float = 0.0
+    megabytes: list[float] = field(default_factory=list)
 
 
-def frames_a_second_alone(folder: Path, workers: int) -> float:
-    """Reading and verifying, on as many processes, and nothing else."""
+def verified(path: Path) -> float:
+    """What one frame alone takes of a processor."""
+    start = time.process_time()
+    verify(RIG, [read_points(path)])
+    return time.process_time() - start
+
+
+def alone(folder: Path, workers: int) -> Took:
+    """A frame that is read and verified, on as many processes, and nothing else."""
     paths = sorted((folder / "frames 00").iterdir())
     paths = [path for path in paths if path.stat().st_size > 100][:ALONE]
     with ProcessPoolExecutor(workers, get_context("spawn")) as pool:
         list(pool.map(verified, paths[: 4 * workers]))
         start = time.perf_counter()
-        list(pool.map(verified, paths, chunksize=4))
-        return len(paths) / (time.perf_counter() - start)
+        processor = list(pool.map(verified, paths, chunksize=4))
+        return Took((time.perf_counter() - start) / len(paths), sum(processor) / len(paths))
 
 
-def run(folder: Path, stops: int) -> tuple[list[float], float]:
-    """The fleet until nothing comes any more; memory of the process once a second, and how long all took."""
+def run(folder: Path, stops: int) -> Took:
+    """The fleet until nothing comes any more; memory of its longest run."""
     rng = random.Random(1)
-    megabytes: list[float] = []
-    seconds = 0.0
+    took = Took()
     for stop in range(stops + 1):
         start = time.perf_counter()
         command = [*COMMAND, str(folder / "fleet.toml"), "--out", str(folder / "out"), "--quiet"]
         with subprocess.Popen(command) as process:
             until = time.perf_counter() + rng.uniform(15, 45) if stop < stops else float("inf")
             session: list[float] = []
-            while process.poll() is None and time.perf_counter() < until and not all_done(folder):
+            ended: tuple[int, int, Any] = (0, 0, None)
+            while not ended[0] and time.perf_counter() < until and not all_done(folder):
                 time.sleep(1.0)
                 session.append(resident(process.pid))
-            process.send_signal(signal.SIGTERM)
-            process.wait()
-        seconds += time.perf_counter() - start
-        if len(session) > len(megabytes):
-            megabytes = session
+                ended = os.wait4(process.pid, os.WNOHANG)
+            if not ended[0]:
+                process.send_signal(signal.SIGTERM)
+                ended = os.wait4(process.pid, 0)
+            _, status, usage = ended  # of its workers too
+            process.returncode = os.waitstatus_to_exitcode(status)
+        took.seconds += time.perf_counter() - start
+        took.processor_seconds += usage.ru_utime + usage.ru_stime
+        if len(session) > len(took.megabytes):
+            took.megabytes = session
         if process.returncode != 0:
             print(f"the fleet ended with {process.returncode}")
-    return megabytes, seconds
+    return took
 
 
 def all_done(folder: Path) -> bool:
@@ -141,9 +162,8 @@ def resident(pid: int) -> float:
         return 0.0
 
 
-def survey(
-    folder: Path, rigs: int, each: int, bumps: dict[int, int], megabytes: list[float], seconds: float, alone: float
-) -> bool:
+def survey(folder: Path, rigs: int, each: int, bumps: dict[int, int]) -> bool:
+    """What the events say, beside what was done to the rigs."""
     lost = twice = 0
     took: list[int] = []
     false: list[str] = []
@@ -169,18 +189,31 @@ def survey(
                 false.append(f"rig {rig} at {number} ({kind})")
         if bump is not None:
             took.append(min((number - bump + 1 for number, _ in found if number >= bump), default=each))
-    warm = megabytes[int(WARM * len(megabytes)) :] or [0.0]
-    growth = warm[-1] / max(warm[0], 1e-9) - 1
-    rate = rigs * each / seconds
-    print(f"{rigs} rigs and one whose source hangs, {rigs * each} frames, {seconds:.0f} s with all starts and stops")
+    print(f"{rigs} rigs and one whose source hangs, {rigs * each} frames")
     print(
         f"bumps found within {max(took, default=0)} frames (median {np.median(took):.0f}); recalibrations {dict(kinds)}"
     )
     print(f"  not called for: {false or 'none'}")
     print(f"events of {lost} frames lost, {twice} twice")
+    return max(took, default=0) <= WITHIN and not false and lost == twice == 0
+
+
+def memory_is_flat(megabytes: list[float]) -> bool:
+    warm = megabytes[int(WARM * len(megabytes)) :] or [0.0]
+    growth = warm[-1] / max(warm[0], 1e-9) - 1
     print(f"memory {warm[0]:.0f} MB, at the end {warm[-1]:.0f} MB ({growth:+.1%}), over {len(megabytes)} s")
-    print(f"{rate:.1f} frames a second; reading and verifying alone {alone:.1f}: {rate / alone:.2f} of it")
-    return max(took, default=0) <= WITHIN and not false and lost == twice == 0 and growth < 0.05
+    return growth < FLAT
+
+
+def is_quick(frames: int, took: Took, before: Took, after: Took) -> bool:
+    seconds, processor = took.seconds / frames, took.processor_seconds / frames
+    alone_seconds = (before.seconds + after.seconds) / 2
+    alone_processor = (before.processor_seconds + after.processor_seconds) / 2
+    print(f"ms a frame by the clock: alone {1000 * before.seconds:.1f} before, {1000 * after.seconds:.1f} after;")
+    print(f"  in the fleet, starts, stops and recalibrations too, {1000 * seconds:.1f}: {alone_seconds / seconds:.2f}")
+    print(f"ms of a processor: alone {1000 * before.processor_seconds:.1f} and {1000 * after.processor_seconds:.1f};")
+    print(f"  in the fleet {1000 * processor:.1f}: {alone_processor / processor:.2f}")
+    return alone_processor / processor >= SHARE
 
 
 if __name__ == "__main__":

@@ -16,6 +16,8 @@ def plain(value: Any) -> Any:
     >>> plain({"rms": float("nan"), "t": np.array([1.5, 2.0]), "planes": (np.int64(3),)})
     {'rms': None, 't': [1.5, 2.0], 'planes': [3]}
     """
+    if type(value) in (str, int, bool, type(None)):  # most are, and the questions below take their time
+        return value
     if isinstance(value, np.ndarray | np.generic):
         return plain(cast("Any", value).tolist())
     if isinstance(value, Mapping):

@@ -14,7 +14,7 @@ from retrue import Accepted, Correspondences, Evidence, read_rig, reconstruct, w
 from retrue.batch.batch import Row, run_batch
 from retrue.batch.job import read_jobs
 from retrue.batch.summary import counts, write_summary
-from retrue.batch.tasks import Look, keep, read_kept
+from retrue.batch.tasks import Look
 from retrue.errors import FileError
 from retrue.recalibration.reasons import LensUnchecked
 from tests.watch.stream import RIG, seen_by, turned
@@ -206,12 +206,3 @@ def test_captures_come_by_number_or_by_time(folder):
     (folder / "job.toml").write_text(JOB.format(do='"verify"') + 'order = "time"')
     (job,) = read_jobs(folder / "job.toml")
     assert job.names[-1] == "10.csv"
-
-
-def test_kept_points_are_the_same_to_the_last_bit(tmp_path):
-    points = seen_by(RIG, 3)
-    keep(tmp_path / "kept.npz", points)
-    assert read_kept(tmp_path / "kept.npz") == points
-    (tmp_path / "kept.npz").write_bytes(b"PK rubbish")
-    with pytest.raises(FileError, match=r"kept\.npz"):
-        read_kept(tmp_path / "kept.npz")

@@ -235,6 +235,71 @@ def test_a_second_watch_goes_on_where_the_first_was(folder):
     assert read_state(folder / "state.json", "another source").counts.frames == 0
 
 
+def begun(folder: Path, first: int, end: int) -> Watch:
+    """A watch of a rig that is bumped at frame 40, from one frame to another, as a process that is then killed."""
+    watch = watching(folder)
+    watch.run(SimulatedSource(end, jumps={40: (1.0, 0, 0)}, first=first), threading.Event())
+    watch.events.close()
+    return watch
+
+
+def test_a_bump_is_found_as_soon_when_the_watch_is_stopped_within_it(folder):
+    begun(folder, 0, 41)
+    assert len(list((folder / "drifted").iterdir())) == 1
+    begun(folder, 41, 42)
+    assert events(folder, "recalibrated") == []
+    begun(folder, 42, 43)
+    (event,) = events(folder, "recalibrated")
+    assert event["frames"] == ["frame 40", "frame 41", "frame 42"]
+    assert event["kind"] == "bump"
+    assert not (folder / "drifted").exists()
+
+
+def test_the_filter_goes_on_after_a_stop(folder):
+    begun(folder, 0, 35)
+    begun(folder, 35, 40)
+    creep = [event["creep"] for event in events(folder, "frame")]
+    assert [number for number, found in enumerate(creep) if found is not None] == list(range(29, 40))
+
+
+def test_what_was_remembered_of_another_rig_is_forgotten(folder):
+    begun(folder, 0, 42)
+    write_rig(folder / "rig.json", turned(RIG, (1.0, 0, 0)))
+    begun(folder, 42, 50)
+    assert events(folder, "recalibrated") == []
+    assert not (folder / "drifted").exists()
+
+
+@pytest.mark.parametrize("spoilt", ["points", "creep", "streak"])
+def test_memory_that_is_damaged_is_told_and_begins_anew(folder, spoilt):
+    begun(folder, 0, 42)
+    (folder / "drifted/7.npz").write_bytes(b"left by a process that was killed")
+    if spoilt == "points":
+        (folder / "drifted/42.npz").write_bytes(b"rubbish")
+    else:
+        state = json.loads((folder / "state.json").read_text())
+        state["memory"][spoilt] = {"last": [1, 2]} if spoilt == "creep" else ["rubbish"]
+        (folder / "state.json").write_text(json.dumps(state))
+    begun(folder, 42, 45)
+    (event,) = events(folder, "forgotten")
+    assert "does not read" in event["reason"]
+    assert events(folder, "recalibrated")[0]["frames"] == ["frame 42", "frame 43", "frame 44"]
+    assert not (folder / "drifted").exists()
+
+
+def test_a_damaged_history_is_told_once_and_closes_nothing(folder):
+    begun(folder, 0, 43)
+    path = folder / "rig.json.history.jsonl"
+    path.write_bytes(path.read_bytes().replace(b'"action": "recalibrated"', b'"action": "recalibrate?"'))
+    watch = watching(folder)
+    watch.run(SimulatedSource(60, jumps={40: (1.0, 0, 0), 50: (0, 2.0, 0)}, first=43), threading.Event())
+    watch.events.close()
+    (event,) = events(folder, "history damaged")
+    assert event["lines"] == 1
+    assert "rig.json.history.jsonl: line 2" in event["reason"]
+    assert len(events(folder, "recalibrated")) == 2
+
+
 def test_a_cloud_per_frame_but_none_from_a_rig_that_drifted(folder):
     written: list[tuple[str, float]] = []
 

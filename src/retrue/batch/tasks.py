@@ -6,15 +6,12 @@ from collections.abc import Callable
 from dataclasses import asdict, dataclass
 from functools import lru_cache
 from pathlib import Path
-from typing import Any, TypeVar, cast
-from zipfile import BadZipFile
-
-import numpy as np
+from typing import Any, TypeVar
 
 from retrue.batch.job import Limits, options_of
-from retrue.correspondences import OPTIONAL_COLUMNS, SIZES, Correspondences
+from retrue.correspondences import Correspondences
 from retrue.errors import FileError, RetrueError
-from retrue.files.atomic import replaced_file
+from retrue.files.kept_points import keep_points, read_kept_points
 from retrue.files.rigs import read_rig, write_rig
 from retrue.plain_json import plain
 from retrue.recalibration.result import Accepted, Verification, unattended
@@ -84,7 +81,7 @@ def renew(task: Renew) -> dict[str, Any]:
     from retrue.recalibration.recalibrate import recalibrate
     from retrue.recalibration.verify import verify
 
-    rig, captures = read_rig(task.rig), [read_kept(path) for path in task.points]
+    rig, captures = read_rig(task.rig), [read_kept_points(path) for path in task.points]
     try:
         result = unattended(recalibrate(rig, captures, options_of(task.limits, "recalibrate")))
         if not isinstance(result, Accepted):
@@ -114,7 +111,7 @@ def _points(task: Look, rig: Rig) -> Correspondences:
     from retrue.rasters import check_extent, check_pattern, check_pictures, check_rasters
 
     if task.points is not None and task.points.exists():
-        return read_kept(task.points)
+        return read_kept_points(task.points)
     pattern = None
     if task.pattern is not None:
         pattern = _cached(task.pattern, _date(task.pattern), read_pattern)
@@ -126,7 +123,7 @@ def _points(task: Look, rig: Rig) -> Correspondences:
     check_extent(rig, points, task.capture)
     if task.points is not None:
         task.points.parent.mkdir(parents=True, exist_ok=True)
-        keep(task.points, points)
+        keep_points(task.points, points)
     return points
 
 
@@ -150,25 +147,6 @@ def _verification_values(found: Verification) -> dict[str, Any]:
         "sigma": None if found.sigma is None else plain(asdict(found.sigma)),
         "working_distance": plain(found.working_distance),
     }
-
-
-def keep(path: Path, points: Correspondences) -> None:
-    """Correspondences as arrays, bit for bit and soon: what a decoder found, until the rig is known."""
-    names = ("camera_px", "projector_px", *OPTIONAL_COLUMNS, *SIZES)
-    held: dict[str, Any] = {name: value for name in names if (value := getattr(points, name)) is not None}
-    with replaced_file(path) as stream:
-        np.savez(stream, **held)
-
-
-def read_kept(path: Path) -> Correspondences:
-    """What `keep` wrote. Raises `FileError`."""
-    try:
-        with np.load(path, allow_pickle=False) as held:
-            arrays = cast("dict[str, Any]", dict(held))
-    except (OSError, ValueError, KeyError, BadZipFile) as error:
-        raise FileError(path, f"cannot be read: {error}; remove it to decode again") from error
-    arrays |= {name: tuple(arrays[name].tolist()) for name in SIZES if name in arrays}
-    return Correspondences(**arrays)
 
 
 def work(task: Look | Renew) -> dict[str, Any]:

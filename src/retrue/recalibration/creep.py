@@ -78,7 +78,7 @@ def after_frame(
     memory = options.creep_memory
     if creep is None or creep.jumped >= memory:
         return Creep(offset, sigma, offset, sigma, np.zeros(2))
-    if jump(creep, rig_pose, found) > options.creep_sigmas:
+    if _jump(creep, offset) > options.creep_sigmas:
         return replace(creep, jumped=creep.jumped + 1)
     scatter = creep.scatter + (_lengths(offset - creep.last) ** 2 / 2 - creep.scatter) / min(creep.frames, memory)
     expected = creep.sigma**2 + (creep.noise / memory) ** 2
@@ -108,7 +108,11 @@ def jump(creep: Creep | None, rig_pose: RigidTransform, found: Verification) -> 
     measured = _measured(rig_pose, found)
     if creep is None or measured is None:
         return 0.0
-    return float(np.max(_lengths(measured[0] - creep.last) / (np.sqrt(2) * creep.noise)))
+    return _jump(creep, measured[0])
+
+
+def _jump(creep: Creep, offset: FloatArray) -> float:
+    return float(np.max(_lengths(offset - creep.last) / (np.sqrt(2) * creep.noise)))
 
 
 def creep_is_due(creep: Creep | None, options: CreepOptions) -> bool:

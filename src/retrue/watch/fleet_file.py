@@ -42,7 +42,7 @@ class Alarm:
 
     webhook: str | None = None
     command: tuple[str, ...] = ()
-    events: frozenset[str] = frozenset({"recalibrated", "refused", "failed", "rig unreadable"})
+    events: frozenset[str] = frozenset({"recalibrated", "refused", "failed", "rig unreadable", "history damaged"})
 
 
 @dataclass(frozen=True, slots=True)

@@ -32,11 +32,17 @@ class Counts:
 
 @dataclass(slots=True)
 class WatchState:
-    """Belongs to one source; another source begins anew."""
+    """Belongs to one source; another source begins anew.
+
+    Attributes
+    ----------
+    memory : what the last frames said, and of which rig: as `Memory` writes it.
+    """
 
     source: str
     position: Mapping[str, Any] = field(default_factory=dict[str, Any])
     counts: Counts = field(default_factory=Counts)
+    memory: Mapping[str, Any] = field(default_factory=dict[str, Any])
 
 
 def read_state(path: Path, source: str) -> WatchState:
@@ -53,11 +59,17 @@ def read_state(path: Path, source: str) -> WatchState:
     names = [item.name for item in fields(Counts)]
     if not all(type(saved.get(name)) is int and saved[name] >= 0 for name in names):
         raise FileError(path, "expected counts in the saved state of a watch; remove it to begin anew")
-    return WatchState(source, cast(dict[str, Any], position), Counts(*(saved[name] for name in names)))
+    memory = document.get("memory")
+    return WatchState(
+        source,
+        cast(dict[str, Any], position),
+        Counts(*(saved[name] for name in names)),
+        cast("dict[str, Any]", memory) if isinstance(memory, dict) else {},
+    )
 
 
 def write_state(path: Path, state: WatchState) -> None:
     """Whole or not at all."""
-    document = {"format": FORMAT, "source": state.source, "position": dict(state.position)}
+    known = {"position": dict(state.position), "counts": asdict(state.counts), "memory": dict(state.memory)}
     with replaced_file(path, alone=True) as stream:
-        stream.write(json.dumps(document | {"counts": asdict(state.counts)}).encode() + b"\n")
+        stream.write(json.dumps({"format": FORMAT, "source": state.source, **known}).encode() + b"\n")

@@ -4,39 +4,31 @@ from __future__ import annotations
 
 import threading
 import time
-from collections.abc import Generator, Mapping, Sequence
+from collections.abc import Generator, Sequence
 from contextlib import contextmanager
 from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
 from retrue.answers import Reason, answer_report
 from retrue.correspondences import Correspondences
 from retrue.errors import FileError, RetrueError
-from retrue.files.history import write_in_place
+from retrue.files.history import read_history, write_in_place
 from retrue.files.rigs import read_rig
-from retrue.recalibration.creep import Creep, after_frame, creep_is_due, jump
+from retrue.recalibration.creep import creep_is_due
 from retrue.recalibration.result import Accepted, Verification, unattended
-from retrue.recalibration.streak import (
-    Drifted,
-    Streak,
-    after_drifted,
-    after_good,
-    after_refusal,
-    after_unknown,
-    attempts,
-    is_due,
-)
+from retrue.recalibration.streak import after_refusal, attempts, is_due
 from retrue.rig import Rig
 from retrue.watch.events import EventLog
 from retrue.watch.frame import Frame, Source
 from retrue.watch.frame_queue import FrameQueue
+from retrue.watch.memory import Kept, Memory, creep_values
 from retrue.watch.options import WatchOptions
 from retrue.watch.stages import Stages
 from retrue.watch.state import WatchState, write_state
 from retrue.watch.temperature import last_reading
+
+LOOKED_BACK = 100  # entries of the history among which damage is looked for
 
 
 @dataclass(frozen=True, slots=True)
@@ -65,16 +57,6 @@ class AttemptFailed(Reason):
         return self.problem
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class _Kept:
-    """A frame that may be recalibrated from, and how uncertain its own pose is."""
-
-    name: str
-    capture: Mapping[str, str]
-    points: Correspondences
-    uncertainty_deg: float
-
-
 @dataclass(slots=True)
 class Watch:
     """Looks after one rig file. Memory is bounded by its options: it keeps a few drifted frames and no more.
@@ -95,17 +77,18 @@ class Watch:
     temperature: Path | None = None
     _rig: Rig | None = None
     _stamp: tuple[int, ...] = ()
-    _streak: Streak = field(default_factory=Streak)
-    _kept: dict[int, _Kept] = field(default_factory=dict[int, _Kept])
-    _creep: Creep | None = None
-    _recent: list[_Kept] = field(default_factory=list[_Kept])
-    _jumped: bool = False
+    _memory: Memory = field(init=False)
+    _told: set[str] = field(default_factory=set[str])
+
+    def __post_init__(self) -> None:
+        self._memory = Memory(self.state_path.parent / "drifted")
 
     def run(self, source: Source, stop: threading.Event) -> dict[str, Any]:
         """Until the source ends or `stop` is set; returns the last event. Raises what the source raises."""
         resumed = bool(self.state.position)
         self._rig_in_place()
         self.events.write("started", rig=self.rig_path, source=self.state.source, resumed=resumed)
+        self._tell_damage()
         queue = FrameQueue(self.options.queue, drops=source.live)
         ended = threading.Event()
         grabber = threading.Thread(target=queue.fill_from, args=(source, ended), daemon=True)
@@ -120,7 +103,7 @@ class Watch:
             ended.set()
             grabber.join(timeout=5.0)  # a camera that hangs must not keep us
             self._count_dropped(queue.take_dropped())
-            write_state(self.state_path, self.state)
+            self._save()
             last = self.events.write("stopped", reason=reason, **asdict(self.state.counts))
         return last
 
@@ -140,60 +123,51 @@ class Watch:
             self.state.counts.bad += 1
             self._write("bad frame", frame, reason=_one_line(error), seconds=seconds)
         else:
-            self._follow(rig, frame, points, found)
-            suspect = found.verdict == "drifted" or bool(self._streak.drifted)
+            counts, memory = self.state.counts, self._memory
+            setattr(counts, found.verdict, getattr(counts, found.verdict) + 1)
+            memory.add(counts.frames, rig, frame, points, found, self.options)
+            suspect = found.verdict == "drifted" or bool(memory.streak.drifted)
             cloud = None if suspect else self._cloud(rig, points, frame.name, seconds)
-            beside = {"creep": _creep_values(self._creep), "temperature": last_reading(self.temperature)}
+            beside = {"creep": creep_values(memory.creep), "temperature": last_reading(self.temperature)}
             self._write("frame", frame, **_verification_values(found), **beside, cloud=cloud, seconds=seconds)
-            if is_due(self._streak, self.options):
+            if is_due(memory.streak, self.options):
                 self._recalibrate(rig)
-            elif not self._streak.drifted and creep_is_due(self._creep, self.options.creep):
+            elif self._creep_is_due():
                 self._recalibrate_crept(rig)
         self.state.position = frame.position
+        self._save()
+
+    def _save(self) -> None:
+        self.state.memory = {"rig": list(self._stamp), **self._memory.document()}
         write_state(self.state_path, self.state)
 
-    def _follow(self, rig: Rig, frame: Frame, points: Correspondences, found: Verification) -> None:
-        counts, pose = self.state.counts, rig.projector_from_camera
-        sigma = float("inf") if found.sigma is None else found.sigma.rotation_deg + found.sigma.translation_deg
-        kept = _Kept(frame.name, frame.capture, points, sigma)
-        if found.verdict == "drifted" and not self._streak.drifted:
-            self._jumped = self._creep is None or jump(self._creep, pose, found) > self.options.creep.creep_sigmas
-        self._creep = after_frame(self._creep, pose, found, self.options.creep)
-        if found.verdict != "unknown":
-            self._recent = [*self._recent, kept][-self.options.remembered_frames :]
-        setattr(counts, found.verdict, getattr(counts, found.verdict) + 1)
-        if found.verdict == "good":
-            self._streak = after_good()
-        elif found.verdict == "unknown":
-            self._streak = after_unknown(self._streak, self.options)
-        else:
-            self._streak = after_drifted(self._streak, Drifted(counts.frames, sigma), self.options)
-            self._kept[counts.frames] = kept
-        remembered = {drifted.number for drifted in self._streak.drifted}
-        self._kept = {number: kept for number, kept in self._kept.items() if number in remembered}
+    def _creep_is_due(self) -> bool:
+        memory = self._memory
+        enough = len(memory.recent) >= self.options.joint_frames  # fewer for a while after a restart
+        return enough and not memory.streak.drifted and creep_is_due(memory.creep, self.options.creep)
 
     def _recalibrate(self, rig: Rig) -> None:
-        kind = "bump" if self._jumped else "creep"
+        kind = "bump" if self._memory.jumped else "creep"
         causes: list[Reason] = []
         seconds: dict[str, float] = {}
-        for numbers in attempts(self._streak, self.options):
-            kept = [self._kept[number] for number in numbers]
+        for numbers in attempts(self._memory.streak, self.options):
+            kept = [self._memory.kept[number] for number in numbers]
             with _timed(seconds, "recalibrate"):
                 cause = self._attempt(rig, kept, seconds, kind)
             if cause is None:
                 return
             causes.append(cause)
-        self._streak = after_refusal(self._streak)
+        self._memory.streak = after_refusal(self._memory.streak)
         self._refuse(kind, causes, seconds)
 
     def _recalibrate_crept(self, rig: Rig) -> None:
         """From the surest of the last frames; each of them may still be good."""
-        kept = sorted(self._recent, key=lambda item: item.uncertainty_deg)[: self.options.joint_frames]
+        kept = sorted(self._memory.recent, key=lambda item: item.uncertainty_deg)[: self.options.joint_frames]
         seconds: dict[str, float] = {}
         with _timed(seconds, "recalibrate"):
             cause = self._attempt(rig, kept, seconds, "creep")
-        if cause is not None and self._creep is not None:
-            self._creep = replace(self._creep, rested=0)
+        if cause is not None and self._memory.creep is not None:
+            self._memory.creep = replace(self._memory.creep, rested=0)
             self._refuse("creep", [cause], seconds)
 
     def _refuse(self, kind: str, causes: Sequence[Reason], seconds: dict[str, float]) -> None:
@@ -201,7 +175,7 @@ class Watch:
         reason = "; ".join(dict.fromkeys(map(str, causes)))
         self.events.write("refused", kind=kind, verdict="refused", cause=causes[0].name, reason=reason, seconds=seconds)
 
-    def _attempt(self, rig: Rig, kept: Sequence[_Kept], seconds: dict[str, float], kind: str) -> Reason | None:
+    def _attempt(self, rig: Rig, kept: Sequence[Kept], seconds: dict[str, float], kind: str) -> Reason | None:
         """Recalibrate from these frames and write the rig; why not, where not."""
         captures = [item.points for item in kept]
         try:
@@ -217,8 +191,8 @@ class Watch:
         except Exception as error:  # a full disk may have room again, and other frames follow
             return AttemptFailed(_one_line(error))
         self._rig, self._stamp = result.rig, _stamp(self.rig_path)
-        clouds = [self._cloud(result.rig, item.points, item.name, seconds) for item in self._kept.values()]
-        self._forget()
+        clouds = [self._cloud(result.rig, item.points, item.name, seconds) for item in self._memory.kept.values()]
+        self._memory.forget()
         self.state.counts.recalibrated += 1
         self.events.write(
             "recalibrated",
@@ -231,6 +205,7 @@ class Watch:
             clouds=[cloud for cloud in clouds if cloud is not None],
             seconds=dict(seconds),
         )
+        self._tell_damage()
         return None
 
     def _cloud(self, rig: Rig, points: Correspondences, name: str, seconds: dict[str, float]) -> Path | None:
@@ -255,14 +230,31 @@ class Watch:
                     raise
                 self.events.write("rig unreadable", reason=str(error))  # the one that we know is as good as ever
                 return self._rig
-            self._forget()
-            if not first:
+            if first:
+                self._remember()
+            else:
+                self._memory.forget()
                 self.events.write("rig changed", rig=self.rig_path)
         return self._rig
 
-    def _forget(self) -> None:
-        """Another rig: what frames said of the one before says nothing of it."""
-        self._streak, self._kept, self._creep, self._recent = Streak(), {}, None, []
+    def _remember(self) -> None:
+        """Go on from what an earlier process knew, where it spoke of the rig that stands there now."""
+        if self.state.memory.get("rig") == list(self._stamp):
+            try:
+                self._memory.restore(self.state.memory)
+            except FileError as error:
+                self.events.write("forgotten", reason=str(error))
+        self._memory.tidy()
+
+    def _tell_damage(self) -> None:
+        """Lines of the history that cannot be read: nothing waits for them, but somebody must know."""
+        try:
+            damaged = [str(line) for line in read_history(self.rig_path, last=LOOKED_BACK).damaged]
+        except FileError as error:
+            damaged = [str(error)]
+        if new := [line for line in damaged if line not in self._told]:
+            self._told.update(new)
+            self.events.write("history damaged", lines=len(new), reason=new[-1])
 
     def _count_dropped(self, count: int) -> None:
         if count:
@@ -282,13 +274,6 @@ def _verification_values(found: Verification) -> dict[str, Any]:
         "drift": None if found.drift is None else asdict(found.drift),
         "drift_sigmas": found.drift_sigmas,
     }
-
-
-def _creep_values(creep: Creep | None) -> dict[str, Any] | None:
-    if creep is None or creep.baseline is None:
-        return None
-    rotation, translation = np.degrees(creep.added).tolist()
-    return {"rotation_deg": rotation, "translation_deg": translation, "sigmas": creep.sigmas}
 
 
 def _stamp(path: Path) -> tuple[int, ...]:
