@@ -206,3 +206,30 @@ def test_captures_come_by_number_or_by_time(folder):
     (folder / "job.toml").write_text(JOB.format(do='"verify"') + 'order = "time"')
     (job,) = read_jobs(folder / "job.toml")
     assert job.names[-1] == "10.csv"
+
+
+def test_captures_in_an_object_store_give_what_those_on_the_disk_give(folder):
+    fsspec = pytest.importorskip("fsspec")
+    store = fsspec.filesystem("memory")
+    store.put(str(folder / "captures"), "/bucket/captures", recursive=True)
+    expected = [(row.name, row.failed, row.result) for row in run(folder)[0]]
+    clouds = {path.name: path.read_bytes() for path in (folder / "out/clouds").iterdir()}
+    where = JOB.replace('"captures/*"', '"memory://bucket/captures/*"').replace('"out"', '"stored"').format(do=ALL)
+    (folder / "job.toml").write_text(where)
+    for again in (False, True):
+        (job,) = read_jobs(folder / "job.toml")
+        runner = Serial()
+        stored, _ = run_batch(job, runner, lambda *_: None)
+        assert (runner.ran == []) == again
+        assert [(row.name, row.failed, row.result) for row in stored] == expected
+    assert {path.name: path.read_bytes() for path in (folder / "stored/clouds").iterdir()} == clouds
+    store.rm("/bucket", recursive=True)
+    with pytest.raises(FileError, match="captures: expected pictures"):
+        read_jobs(folder / "job.toml")
+
+
+@pytest.mark.parametrize("key", ["rig", "out"])
+def test_only_captures_may_lie_in_a_store(folder, key):
+    (folder / "job.toml").write_text(JOB.format(do='"verify"').replace(f'{key} = "', f'{key} = "memory://'))
+    with pytest.raises(FileError, match=f"{key}: expected a path on this disk"):
+        read_jobs(folder / "job.toml")

@@ -80,8 +80,8 @@ class Batch:
             return verified
         holding = [row for row in verified if not row.failed]
         clouds = [
-            replace(task, verify=False, rig=row.rig, points=self.points_path(task))
-            for task, row in zip(looks, verified, strict=True)
+            replace(task, verify=False, rig=row.rig, points=known.points)
+            for task, known, row in zip(looks, kept, verified, strict=True)
             if not row.failed
         ]
         made = self.results("clouds", clouds)
@@ -144,7 +144,7 @@ class Batch:
 
     def _renewed(self, rig: Path, looks: Sequence[Look]) -> Path | str:
         """The rig that these captures give; else why not."""
-        points = tuple(self.points_path(task) for task in looks)
+        points = tuple(task.points for task in looks if task.points is not None)
         names = [task.name for task in looks]
         context = _digest([self._digest(rig), names, [self.stamps[name] for name in names]])
         out = self.job.out / "rigs" / f"{looks[0].name}.{context[:8]}.json"

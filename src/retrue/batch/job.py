@@ -13,6 +13,7 @@ from typing import Any, Literal, cast, get_args
 from retrue.errors import FileError, InputError
 from retrue.files.atomic import read_text
 from retrue.files.images import SUFFIXES, natural_key
+from retrue.files.remote import Remote, is_address, listed
 from retrue.recalibration.options import RecalibrateOptions
 from retrue.recalibration.streak import StreakOptions
 from retrue.recalibration.verify import VerifyOptions
@@ -22,6 +23,7 @@ LARGEST_JOB = 2**22  # bytes
 Do = Literal["verify", "recalibrate", "reconstruct"]
 Order = Literal["name", "time"]
 KEYS = {"rig", "pattern", "captures", "do", "out", "order", "lens", "limits"}
+Capture = Path | Remote
 Limits = Mapping[str, Mapping[str, Any]]
 LIMITS: dict[str, type[Any]] = {
     "streak": StreakOptions,
@@ -37,7 +39,7 @@ class Job:
 
     Attributes
     ----------
-    captures : in the order in which they were taken.
+    captures : in the order in which they were taken; on a disk, or in an object store.
     names : of each capture, below the folder that they have in common; results are named so.
     do : what to do with them. "recalibrate" goes through all in their order, finds when the rig had moved, and uses
         from there on the rig that they give.
@@ -46,7 +48,7 @@ class Job:
 
     rig: Path
     pattern: Path | None
-    captures: tuple[Path, ...]
+    captures: tuple[Capture, ...]
     names: tuple[str, ...]
     do: frozenset[Do]
     out: Path
@@ -99,9 +101,12 @@ def _job(path: Path, table: Any) -> Job:
 
 
 def _text(path: Path, table: Mapping[str, Any], key: str) -> str:
-    if not isinstance(table.get(key), str) or not table[key] or "\0" in table[key]:
-        raise FileError(path, f"{key}: expected a path in quotes, found {table.get(key)!r:.60}")
-    return table[key]
+    text = table.get(key)
+    if not isinstance(text, str) or not text or "\0" in text:
+        raise FileError(path, f"{key}: expected a path in quotes, found {text!r:.60}")
+    if is_address(text) and key != "captures":
+        raise FileError(path, f"{key}: expected a path on this disk, found {text}; only captures may lie in a store")
+    return text
 
 
 def _order(path: Path, table: Mapping[str, Any]) -> Order:
@@ -111,23 +116,49 @@ def _order(path: Path, table: Mapping[str, Any]) -> Order:
     return order
 
 
-def _captures(path: Path, pattern: str, order: Order) -> tuple[tuple[Path, ...], tuple[str, ...]]:
+def _captures(path: Path, pattern: str, order: Order) -> tuple[tuple[Capture, ...], tuple[str, ...]]:
     """What the glob names that may be a capture: pictures, tables of points, folders."""
     try:
-        found = [Path(name) for name in glob.glob(pattern, root_dir=path.parent, recursive=True)]  # noqa: PTH207
-        found = [path.parent / name for name in found]
+        found = _stored(pattern) if is_address(pattern) else _on_disk(path.parent, pattern)
     except (OSError, ValueError) as error:
         raise FileError(path, f"captures: cannot be looked for: {error}") from error
-    captures = {item for item in found if item.is_dir() or item.suffix.lower() in SUFFIXES | {".csv"}}
-    if not captures:
+    if not found:
         raise FileError(path, f"captures: expected pictures, folders or points CSVs, found none of the name {pattern}")
-    parents = [str(item.parent) for item in captures]
-    common = Path(os.path.commonpath(parents))
-    names = {item: item.relative_to(common).as_posix() for item in captures}
-    ordered = sorted(captures, key=lambda item: (natural_key(names[item]), names[item]))
+    common = Path(os.path.commonpath([str(place.parent) for place in found]))
+    names = {place: place.relative_to(common).as_posix() for place in found}
+    ordered = sorted(found, key=lambda place: (natural_key(names[place]), names[place]))
     if order == "time":
-        ordered.sort(key=lambda item: item.stat().st_mtime_ns)
-    return tuple(ordered), tuple(names[item] for item in ordered)
+        times = {place: modified_at(found[place]) for place in found}
+        ordered.sort(key=times.__getitem__)
+    return tuple(found[place] for place in ordered), tuple(names[place] for place in ordered)
+
+
+def modified_at(capture: Capture) -> float:
+    """Seconds since 1970: when its file, or the last in its folder, was written. Raises `FileError`."""
+    if isinstance(capture, Remote):
+        if capture.modified is None:
+            raise FileError(capture.address, "expected the time of its last change, found none: the store has none")
+        return capture.modified
+    try:
+        files = [capture, *capture.iterdir()] if capture.is_dir() else [capture]
+        return max(file.stat().st_mtime for file in files)
+    except OSError as error:
+        raise FileError(capture, f"cannot be read: {error.strerror or error}") from error
+
+
+def _on_disk(folder: Path, pattern: str) -> dict[Path, Capture]:
+    found = [folder / name for name in glob.glob(pattern, root_dir=folder, recursive=True)]  # noqa: PTH207
+    return {place: place for place in found if place.is_dir() or _is_read(place)}
+
+
+def _stored(pattern: str) -> dict[Path, Capture]:
+    """By the path within the store."""
+    found = {Path(remote.path): remote for remote in listed(pattern)}
+    return {place: remote for place, remote in found.items() if remote.folder or _is_read(place)}
+
+
+def _is_read(place: Path) -> bool:
+    return place.suffix.lower() in SUFFIXES | {".csv"}
 
 
 def _limits(path: Path, table: Any, lens: Any) -> dict[str, dict[str, Any]]:

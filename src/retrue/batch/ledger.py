@@ -14,6 +14,7 @@ from retrue.errors import FileError
 from retrue.files.atomic import read_bytes
 from retrue.files.file_lock import held_file
 from retrue.files.log_lines import line_of, records_of_lines
+from retrue.files.remote import Remote
 
 LARGEST_LEDGER = 2**32  # bytes
 
@@ -84,8 +85,10 @@ def opened_ledger(folder: Path) -> Generator[Ledger]:
         yield ledger
 
 
-def stamp_of(capture: Path) -> Stamp:
+def stamp_of(capture: Path | Remote) -> Stamp:
     """Of a folder, of all that lies in it. Raises `FileError` where it is gone."""
+    if isinstance(capture, Remote):
+        return [capture.stamp]
     try:
         if capture.is_dir():
             with os.scandir(capture) as entries:

@@ -12,11 +12,11 @@ from pathlib import Path
 from typing import Any
 
 from retrue.batch.batch import Batch, Progress, prepared
-from retrue.batch.job import Job
+from retrue.batch.job import Job, modified_at
 from retrue.batch.ledger import opened_ledger
 from retrue.batch.runners import Runner
 from retrue.batch.tasks import Look
-from retrue.errors import FileError, InputError
+from retrue.errors import InputError
 from retrue.files.atomic import replaced_file
 from retrue.files.history import read_history
 from retrue.files.history_entry import HistoryEntry
@@ -65,7 +65,10 @@ def rescan(
     prepared(job)
     with opened_ledger(job.out) as ledger:
         batch = Batch(job, runner, ledger, progress)
-        times = {name: _time(path) for name, path in zip(job.names, job.captures, strict=True)}
+        times = {
+            name: datetime.fromtimestamp(modified_at(path), UTC)
+            for name, path in zip(job.names, job.captures, strict=True)
+        }
         names = sorted((n for n in job.names if since is None or times[n] >= since), key=times.__getitem__)
         looks = {task.name: task for task in map(batch.look, range(len(job.names)))}
         then = {name: _standing(standing, times[name]) for name in names}
@@ -162,15 +165,6 @@ def _off(then: HistoryEntry, fit: HistoryEntry, result: Mapping[str, Any]) -> fl
 def _standing(entries: Sequence[HistoryEntry], time: datetime) -> HistoryEntry:
     """The last that was put in place by then; the first, where that was later."""
     return next((entry for entry in reversed(entries) if entry.time <= time), entries[0])
-
-
-def _time(capture: Path) -> datetime:
-    """When it was taken: when its file, or the last in its folder, was written."""
-    try:
-        files = [capture, *capture.iterdir()] if capture.is_dir() else [capture]
-        return datetime.fromtimestamp(max(file.stat().st_mtime for file in files), UTC)
-    except OSError as error:
-        raise FileError(capture, f"cannot be read: {error.strerror or error}") from error
 
 
 def _write(job: Job, stale: Sequence[Stale], unit: str) -> None:

@@ -24,7 +24,7 @@ def write_summary(out: Path, rows: Sequence[Row]) -> None:
     table = io.StringIO(newline="")
     writer = csv.writer(table, lineterminator="\n")
     writer.writerow(COLUMNS)
-    writer.writerows([values(row)[name] for name in COLUMNS] for row in rows)
+    writer.writerows([said[name] for name in COLUMNS] for said in map(values, rows))
     with replaced_file(out / "summary.csv") as stream:
         stream.write(table.getvalue().encode(errors="surrogateescape"))
     for row in rows:

@@ -1,17 +1,19 @@
-"""What a worker does. Paths and plain values travel to it and back, and pictures never."""
+"""What a worker does. Paths and plain values travel to it and back, and pictures never: it reads or fetches them."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
+from contextlib import AbstractContextManager, nullcontext
 from dataclasses import asdict, dataclass
 from functools import lru_cache
 from pathlib import Path
 from typing import Any, TypeVar
 
-from retrue.batch.job import Limits, options_of
+from retrue.batch.job import Capture, Limits, options_of
 from retrue.correspondences import Correspondences
 from retrue.errors import FileError, RetrueError
 from retrue.files.kept_points import keep_points, read_kept_points
+from retrue.files.remote import Remote, fetched
 from retrue.files.rigs import read_rig, write_rig
 from retrue.plain_json import plain
 from retrue.recalibration.result import Accepted, Verification, unattended
@@ -33,7 +35,7 @@ class Look:
     """
 
     name: str
-    capture: Path
+    capture: Capture
     pattern: Path | None
     rig: Path
     limits: Limits
@@ -116,15 +118,20 @@ def _points(task: Look, rig: Rig) -> Correspondences:
     if task.pattern is not None:
         pattern = _cached(task.pattern, _date(task.pattern), read_pattern)
         check_pattern(rig, pattern.projector_size, task.pattern)
-        if (size := pictures_size(task.capture)) is not None:
-            check_pictures(rig, size, task.capture)
-    points = read_capture(task.capture, pattern)
-    check_rasters(rig, points, task.capture)
-    check_extent(rig, points, task.capture)
+    with _at_hand(task.capture) as capture:
+        if pattern is not None and (size := pictures_size(capture)) is not None:
+            check_pictures(rig, size, capture)
+        points = read_capture(capture, pattern)
+        check_rasters(rig, points, capture)
+        check_extent(rig, points, capture)
     if task.points is not None:
         task.points.parent.mkdir(parents=True, exist_ok=True)
         keep_points(task.points, points)
     return points
+
+
+def _at_hand(capture: Capture) -> AbstractContextManager[Path]:
+    return fetched(capture) if isinstance(capture, Remote) else nullcontext(capture)
 
 
 @lru_cache(maxsize=16)
