@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+import time
 from collections import deque
 from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
 from concurrent.futures.process import BrokenProcessPool
+from contextlib import suppress
+from queue import Empty, SimpleQueue
 from types import TracebackType
 from typing import Any, Protocol, TypeVar
 
@@ -16,6 +19,7 @@ T = TypeVar("T")
 Work = Callable[[T], dict[str, Any]]
 AHEAD = 3  # tasks that wait for each worker: as many as it takes to keep it busy
 MOST_DEATHS = 8  # of workers in a row, with nothing done in between
+PAUSE = 1.0  # seconds between two looks at whether the scheduler still lives
 DIED = "its process died: killed, or out of memory"
 
 
@@ -128,28 +132,42 @@ class Dask:
             self._cluster.close()
 
     def run(self, work: Work[T], tasks: Iterable[T]) -> Iterator[tuple[T, dict[str, Any]]]:
-        """As `Runner` says; Dask itself runs again what a worker that died was doing."""
-        from distributed import as_completed
+        """As `Runner` says; Dask itself runs again what a worker that died was doing.
 
+        A scheduler that died may come back within the half minute in which Dask looks for it, and is then given again
+        what was in flight. Else an `InputError` says so; what was done until then has been handed in.
+        """
         waiting = iter(tasks)
         flying: dict[str, T] = {}
-        futures: Any = as_completed()
+        ended: SimpleQueue[Any] = SimpleQueue()
 
-        def submit() -> None:
-            task = next(waiting, None)
+        def submit(task: T | None) -> None:
             if task is not None:
                 future: Any = self._client.submit(work, task, pure=False)
                 flying[future.key] = task
-                futures.add(future)
+                future.add_done_callback(ended.put)
 
         threads: dict[str, int] = self._client.nthreads()
         for _ in range(max(1, sum(threads.values())) * (1 + AHEAD)):
-            submit()
+            submit(next(waiting, None))
         while flying:
-            future = next(futures)
-            submit()
+            future: Any = None
+            while future is None:
+                with suppress(Empty):
+                    future = ended.get(timeout=PAUSE)
+                self._await_scheduler()
             task = flying.pop(future.key)
-            yield task, future.result() if future.status == "finished" else lost(future.exception())
+            if future.status in ("finished", "error"):
+                submit(next(waiting, None))
+                yield task, future.result() if future.status == "finished" else lost(future.exception())
+            else:  # cancelled: it went with the scheduler
+                submit(task)
+
+    def _await_scheduler(self) -> None:
+        while self._client.status != "running":
+            if self._client.status == "closed":
+                raise InputError("scheduler: it died; what is done is kept: start it, and run the batch again")
+            time.sleep(PAUSE)
 
 
 def lost(error: object) -> dict[str, Any]:
