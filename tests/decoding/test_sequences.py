@@ -10,6 +10,7 @@ import pytest
 
 from retrue.decoding.decode import decode
 from retrue.errors import CaptureError
+from retrue.patterns.gray_code import GrayCode
 from retrue.patterns.layouts import gray_frames, layout_sequence, sine_frames
 from retrue.patterns.sequence import Frame, FrameSequence
 from tests.decoding.conftest import Shot, shoot
@@ -209,3 +210,21 @@ def test_pictures_of_another_pattern_are_described(layout, says):
     shot = shot_of(shown.frames)
     with pytest.raises(CaptureError, match=rf"found {says}.*{layout}"):
         decode(layout_sequence("slstudio-gray", SIZE), shot.pictures)
+
+
+@pytest.mark.parametrize(
+    ("layout", "axes"),
+    [("slstudio-gray", ["column"]), ("slstudio-gray", None), ("sltk", ["column"]), ("structuredlight", None)],
+)
+def test_bits_of_another_number_are_told_by_their_layout_not_by_an_inverse_that_lacks(layout, axes):
+    shown = shot_of(layout_sequence(layout, SIZE, axes).frames)
+    with pytest.raises(CaptureError) as caught:
+        decode(GrayCode(SIZE), shown.pictures)
+    assert f"fit the layout {layout}" in str(caught.value)
+    assert "no counterpart" not in str(caught.value)
+
+
+def test_a_layout_that_only_has_as_many_pictures_is_not_named():
+    shown = shot_of(layout_sequence("procam-calibration", SIZE).frames)
+    with pytest.raises(CaptureError, match="fit the layout procam-calibration or opencv;"):
+        decode(layout_sequence("slstudio-2x3", SIZE), shown.pictures)

@@ -102,7 +102,7 @@ def _arrange_gray_code(pattern: GrayCode, images: Sequence[Image], names: Sequen
     grey = [_grey(image) for image in images]
     pair_count = sum(pattern.bits)
     if len(grey) not in (2 * pair_count, pattern.picture_count):
-        raise CaptureError(CAPTURE, explain_count(pattern, grey, names))
+        raise CaptureError(CAPTURE, _other_layout(pattern, grey) or explain_count(pattern, grey, names))
     require_light(grey)
     if len(grey) == 2 * pair_count and ends_with_white_and_black(grey):
         raise CaptureError(CAPTURE, explain_count(pattern, grey, names))
@@ -114,6 +114,18 @@ def _arrange_gray_code(pattern: GrayCode, images: Sequence[Image], names: Sequen
     spec = replace(spec, frames=frames)
     white, black, color = scene_lights(spec, images, grey)
     return ArrangedSequence(spec, grey, list(names), white, black, color, thorough=False)
+
+
+def _other_layout(pattern: GrayCode, grey: Sequence[Image]) -> str:
+    """That so many pictures are a code of another layout; nothing where they fit none."""
+    from retrue.decoding.sequence.diagnosis import fitting_layouts
+
+    fitting = fitting_layouts(grey, pattern.projector_size)
+    if not fitting:
+        return ""
+    asked = f"{pattern.picture_count} pictures of {sum(pattern.bits)} bits, pattern and inverse, white and black"
+    found = f"{len(grey)}, which fit the layout {' or '.join(fitting)}"
+    return f"expected {asked}; found {found}; `retrue pattern sequence --layout ...` makes its pattern"
 
 
 def scene_lights(spec: FrameSequence, images: Sequence[Image], grey: Sequence[Image]) -> tuple[Image, Image, Image]:

@@ -26,7 +26,7 @@ from retrue.errors import CaptureError, InputError
 from retrue.geometry.arrays import FloatArray, Image
 from retrue.patterns.gray_code import GrayCode
 from retrue.patterns.layouts import LAYOUTS, layout_sequence
-from retrue.patterns.sequence import Frame, FrameSequence
+from retrue.patterns.sequence import AXES, Code, Frame, FrameSequence
 
 LEAST_SCORE = 0.55
 """Of a hypothesis that is believed."""
@@ -119,9 +119,32 @@ def looks_like(images: Sequence[Image], projector_size: tuple[int, int] = (1024,
     if sines is None:
         return count
     what = "sinusoidal: phase shift?" if sines else "bright or dark: Gray code?"
-    fitting = [name for name in LAYOUTS if _has(name, projector_size, len(images), sines=sines)]
-    tried = f"; a pattern of the layout {' or '.join(fitting)} has as many" if fitting else ""
-    return f"{count}, {what}{tried}; `retrue pattern sequence --layout ...` makes one"
+    made = "`retrue pattern sequence --layout ...` makes one"
+    if not sines and (fitting := fitting_layouts(images, projector_size)):
+        return f"{count}, {what}; they fit the layout {' or '.join(fitting)}; {made}"
+    having = [name for name in LAYOUTS if _made(name, projector_size, len(images), "phase" if sines else "gray")]
+    tried = f"; a pattern of the layout {' or '.join(having)} has as many" if having else ""
+    return f"{count}, {what}{tried}; {made}"
+
+
+def fitting_layouts(images: Sequence[Image], projector_size: tuple[int, int]) -> list[str]:
+    """Names of layouts of bits by which the pictures decode to codes that go on from pixel to pixel; of equals, all."""
+    sample = take_sample(grey_pictures(images), np.random.default_rng(0)) if images else None
+    if sample is None:
+        return []
+    judged = {
+        name: max((own for spec in specs if (own := _fit(sample, spec)) is not None), default=0.0)
+        for name in LAYOUTS
+        if (specs := _made(name, projector_size, len(images), "gray"))
+    }
+    best = max(judged.values(), default=0.0)
+    return [name for name, score in judged.items() if score > CLEAR_SCORE and score > best - LEAST_GAIN]
+
+
+def _fit(sample: Sample, spec: FrameSequence) -> float | None:
+    """How well; None where too little changes to tell."""
+    found = judge(sample, spec.frames, spec.projector_size)
+    return found.score if found.changes >= FEWEST_CHANGES else None
 
 
 def show_sines(images: Sequence[Image]) -> bool | None:
@@ -141,10 +164,10 @@ def shows_another_code(pattern: GrayCode | FrameSequence, images: Sequence[Image
     return sines is not None and codes & {"gray", "phase"} == ({"gray"} if sines else {"phase"})
 
 
-def _has(layout: str, size: tuple[int, int], count: int, *, sines: bool) -> bool:
-    """Whether a layout, or its columns alone, has so many pictures, of sines or of bits."""
-    made = [layout_sequence(layout, size), layout_sequence(layout, size, ["column"])]
-    return any(own.picture_count == count and sines == any(f.code == "phase" for f in own.frames) for own in made)
+def _made(layout: str, size: tuple[int, int], count: int, code: Code) -> list[FrameSequence]:
+    """A layout's sequence, of both axes or one, where it has so many pictures and shows that code."""
+    made = [layout_sequence(layout, size), *(layout_sequence(layout, size, [axis]) for axis in AXES)]
+    return [own for own in made if own.picture_count == count and any(f.code == code for f in own.frames)]
 
 
 def _order(
