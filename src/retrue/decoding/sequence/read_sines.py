@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
 from functools import partial, reduce
+from typing import Any
 
 import cv2
 import numpy as np
@@ -18,7 +19,7 @@ from retrue.decoding.sequence.arrange import ArrangedSequence
 from retrue.decoding.sequence.noise import FloatImage, Noise, measure_noise
 from retrue.decoding.sequence.ripple import measure_ripple, straightened
 from retrue.decoding.sequence.sines import Wrapped, demodulate, harmonics
-from retrue.decoding.sequence.unwrap import CUE_HARMONICS, Bend, Unwrapped, ladder, unwrap
+from retrue.decoding.sequence.unwrap import CUE_HARMONICS, Bend, ladder, unwrap
 from retrue.geometry.arrays import BoolArray, FloatArray
 from retrue.geometry.robust import MAD_TO_SIGMA
 from retrue.patterns.sequence import Sine
@@ -87,11 +88,27 @@ class SineBand:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _AxisReading:
+    """What some rows say of one axis. Unwrapping knows only the pixels that may be lit, one after the other.
+
+    Attributes
+    ----------
+    lit, saturated, trusted, risky : of each pixel.
+    px, variance, modulation : of each pixel; NaN where nothing is lit.
+    told : of the pixels that may be lit, which are, and none of their pictures saturated.
+    missed, allowed, coarse_phase : of these, as `Unwrapped` and `Coarse` have them.
+    """
+
     lit: BoolArray
     saturated: BoolArray
-    found: Unwrapped
+    trusted: BoolArray
+    risky: BoolArray
+    px: FloatImage
+    variance: FloatImage
+    modulation: FloatImage
+    told: BoolArray
+    missed: FloatImage
+    allowed: FloatImage
     coarse_phase: FloatImage | None
-    wrapped: Wrapped
 
 
 def plan_sines(sequence: ArrangedSequence, axes: Sequence[int]) -> tuple[Noise, list[AxisPlan]]:
@@ -121,13 +138,10 @@ def _read_band(sequence: ArrangedSequence, noise: Noise, plans: Sequence[AxisPla
     axes = [_read_axis(cut, plan.part(around, columns), noise, slice(None)) for plan in plans]
     lit = reduce(np.logical_and, [axis.lit for axis in axes])
     full = reduce(np.logical_or, [axis.saturated for axis in axes])
-    turned = reduce(np.logical_and, [_certain(axis.found, lit, p) for axis, p in zip(axes, plans, strict=True)])
-    within = reduce(
-        np.logical_and,
-        [(a.found.px >= -0.5) & (a.found.px <= p.side - 0.5) for a, p in zip(axes, plans, strict=True)],
-    )
+    turned = reduce(np.logical_and, [_certain(axis, lit, p) for axis, p in zip(axes, plans, strict=True)])
+    within = reduce(np.logical_and, [(a.px >= -0.5) & (a.px <= p.side - 0.5) for a, p in zip(axes, plans, strict=True)])
     good = lit & ~full & turned & within
-    flat = reduce(np.logical_and, [_flat(a.found, good, p.step_px) for a, p in zip(axes, plans, strict=True)])
+    flat = reduce(np.logical_and, [_flat(a, good, p.step_px) for a, p in zip(axes, plans, strict=True)])
     pixels = np.flatnonzero((good & flat)[inner])
     masks = {
         "saturated": lit & full,
@@ -135,47 +149,62 @@ def _read_band(sequence: ArrangedSequence, noise: Noise, plans: Sequence[AxisPla
         "beyond": lit & ~full & turned & ~within,
         "edge": good & ~flat,
     }
-    variance = np.mean([np.take(axis.found.variance[inner], pixels) for axis in axes], axis=0)
+    variance = np.mean([np.take(axis.variance[inner], pixels) for axis in axes], axis=0)
     y, x = np.divmod(pixels, columns.stop - columns.start)
     return SineBand(
         y * width + x + columns.start,
-        {p.axis: np.take(a.found.px[inner], pixels).astype(np.float64) for a, p in zip(axes, plans, strict=True)},
+        {p.axis: np.take(a.px[inner], pixels).astype(np.float64) for a, p in zip(axes, plans, strict=True)},
         np.sqrt(variance.astype(np.float64)),
-        2 * np.take(axes[0].wrapped.modulation[inner], pixels).astype(np.float64),
+        2 * np.take(axes[0].modulation[inner], pixels).astype(np.float64),
         int(np.count_nonzero(lit[inner])),
         {reason: int(np.count_nonzero(mask[inner])) for reason, mask in masks.items()},
     )
 
 
-def _lit_columns(sequence: ArrangedSequence, sine: Sine, noise: Noise, rows: slice) -> slice:
-    """From the first to the last column of a band in which some pixel may be lit: its pictures differ by more."""
+def _differing(sequence: ArrangedSequence, sine: Sine, noise: Noise, rows: slice) -> BoolArray:
+    """Where some pixel may be lit: its pictures differ by more."""
     pictures = [sequence.pictures[index][rows] for index in sine.pictures]
     differ = cv2.subtract(reduce(cv2.max, pictures), reduce(cv2.min, pictures))
-    least = LEAST_SIGNAL * np.sqrt(noise.floor * 2 / len(pictures))
-    lit = np.flatnonzero(differ.max(axis=0) > least)
-    width = differ.shape[1]
+    return differ > LEAST_SIGNAL * np.sqrt(noise.floor * 2 / len(pictures))
+
+
+def _lit_columns(sequence: ArrangedSequence, sine: Sine, noise: Noise, rows: slice) -> slice:
+    """From the first to the last column of a band in which some pixel may be lit."""
+    differ = _differing(sequence, sine, noise, rows)
+    lit, width = np.flatnonzero(differ.any(axis=0)), differ.shape[1]
     return slice(max(int(lit[0]) - 1, 0), min(int(lit[-1]) + 2, width)) if len(lit) else slice(0, min(2, width))
 
 
 def _read_axis(sequence: ArrangedSequence, plan: AxisPlan, noise: Noise, rows: slice) -> _AxisReading:
-    wrapped = [
-        demodulate([sequence.pictures[index][rows] for index in sine.pictures], sine, noise) for sine in plan.sines
-    ]
-    wrapped = [
-        straightened(own, ripple, len(sine.pictures))
-        for own, ripple, sine in zip(wrapped, plan.ripples, plan.sines, strict=True)
-    ]
+    may = _differing(sequence, plan.sines[0], noise, rows)
+    pixels = np.flatnonzero(may)
+    wrapped: list[Wrapped] = []
+    for sine, ripple in zip(plan.sines, plan.ripples, strict=True):
+        seen = [np.take(sequence.pictures[index][rows], pixels) for index in sine.pictures]
+        wrapped.append(straightened(demodulate(seen, sine, noise), ripple, len(seen)))
     finest = wrapped[0]
     lit = finest.variance < LIT_VARIANCE
     cue, trusted = (None, None) if plan.cue is None else read_cue(*plan.cue, rows)
-    coarse, steps = ladder(wrapped, plan.side, cue)
+    coarse, steps = ladder(wrapped, plan.side, None if cue is None else cue.at(pixels))
     found = unwrap(coarse, steps, plan.bend, plan.side)
     if trusted is not None:
-        found.trusted[~trusted] = False
-    return _AxisReading(lit, finest.saturated, found, coarse.phase, finest)
+        found.trusted[~np.take(trusted, pixels)] = False
+
+    def spread(values: NDArray[np.generic]) -> NDArray[Any]:
+        image = np.full(may.shape, np.nan if values.dtype == np.float32 else False, values.dtype)
+        image.reshape(-1)[pixels] = values
+        return image
+
+    return _AxisReading(
+        *map(spread, (lit, finest.saturated, found.trusted, found.risky, found.px, found.variance, finest.modulation)),
+        told=lit & ~finest.saturated,
+        missed=found.missed,
+        allowed=found.allowed,
+        coarse_phase=coarse.phase,
+    )
 
 
-def _certain(found: Unwrapped, lit: BoolArray, plan: AxisPlan) -> BoolArray:
+def _certain(found: _AxisReading, lit: BoolArray, plan: AxisPlan) -> BoolArray:
     """Where turns are trusted, and, where that hangs on sigma, so seen by most of the pixels around."""
     good = found.trusted & lit
     risky = good & found.risky
@@ -185,7 +214,7 @@ def _certain(found: Unwrapped, lit: BoolArray, plan: AxisPlan) -> BoolArray:
     return good & ~(risky & (np.abs(found.px - around) > plan.sines[0].period_px / 2))
 
 
-def _flat(found: Unwrapped, good: BoolArray, step_px: float) -> BoolArray:
+def _flat(found: _AxisReading, good: BoolArray, step_px: float) -> BoolArray:
     """Where no two opposite neighbours are on two surfaces."""
     flat = np.ones_like(good)
     px = np.where(good, found.px, np.nan)
@@ -234,14 +263,14 @@ def _strips(height: int) -> list[slice]:
 
 def _bend(read: Sequence[_AxisReading], sines: Sequence[Sine]) -> Bend:
     """Harmonics of the coarse phase in what it misses the next sine by; what is left beyond the noise."""
-    good = [own.lit & ~own.saturated for own in read]
+    good = [own.told for own in read]
     if read[0].coarse_phase is None or len(sines) < 2 or not any(mask.any() for mask in good):
         return Bend()
     missed, allowed, phase = (
         np.concatenate([image[mask] for image, mask in zip(images, good, strict=True)]).astype(np.float64)
         for images in (
-            [own.found.missed for own in read],
-            [own.found.allowed for own in read],
+            [own.missed for own in read],
+            [own.allowed for own in read],
             [own.coarse_phase for own in read if own.coarse_phase is not None],
         )
     )
@@ -265,7 +294,7 @@ def _bend(read: Sequence[_AxisReading], sines: Sequence[Sine]) -> Bend:
 
 def _steps(own: _AxisReading) -> NDArray[np.float32]:
     """Differences of the two neighbours along rows and along columns, whichever are larger."""
-    px = np.where(own.lit & ~own.saturated & own.found.trusted, own.found.px, np.nan)
+    px = np.where(own.lit & ~own.saturated & own.trusted, own.px, np.nan)
     along, across = np.abs(px[:, 2:] - px[:, :-2]).ravel(), np.abs(px[2:] - px[:-2]).ravel()
     along, across = along[np.isfinite(along)], across[np.isfinite(across)]
     if not (len(along) and len(across)):

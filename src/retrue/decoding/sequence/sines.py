@@ -4,17 +4,19 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cache
 
 import numpy as np
 from numpy.typing import NDArray
 
 from retrue.decoding.light import FULL
 from retrue.decoding.sequence.noise import FloatImage, Noise
-from retrue.geometry.arrays import BoolArray, Image
+from retrue.geometry.arrays import BoolArray, FloatArray, Image
+from retrue.kernels import sines as kernel
 from retrue.patterns.sequence import Sine
 
-TURN = np.float32(2 * np.pi)
-SMALLEST_MODULATION = np.float32(1e-6)
+SMALLEST_SQUARE = 1e-6
+"""Of the modulation: of less there is no phase."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -46,30 +48,32 @@ def demodulate(pictures: Sequence[Image], sine: Sine, noise: Noise) -> Wrapped:
     Source: Bruning et al., "Digital wavefront measuring interferometer", Applied Optics 13, 1974.
     """
     shape, dtype = pictures[0].shape, pictures[0].dtype
-    angles = 2 * np.pi * np.array(sine.shifts)
-    design = np.stack([np.ones_like(angles), np.cos(angles), np.sin(angles)], axis=1)
-    _, cosine, sine_row = np.linalg.pinv(design)
-    seen = np.stack([picture.reshape(-1) for picture in pictures])
-    saturated = (seen.max(axis=0) >= FULL * np.iinfo(dtype).max).reshape(shape)
-    rows = np.stack([cosine, sine_row, cosine**2, cosine * sine_row, sine_row**2]).astype(np.float32)
-    c, s, cc, cs, ss = rows @ seen.astype(np.float32)
-    square = c * c + s * s
-    dark = square < SMALLEST_MODULATION
-    square[dark] = SMALLEST_MODULATION
+    cosine, sine_row = _weights(sine.shifts)
     floor = noise.floor * np.array([np.sum(cosine**2), np.sum(cosine * sine_row), np.sum(sine_row**2)])
-    gain = np.float32(noise.gain)
-    cc, cs, ss = (np.float32(own) + gain * shot for own, shot in zip(floor, (cc, cs, ss), strict=True))
-    variance = (s * s * cc - 2 * s * c * cs + c * c * ss) / (square * square * TURN * TURN)
-    variance[dark] = np.inf
-    phase = np.arctan2(s, c) / TURN + np.float32(sine.offset_px / sine.period_px % 1.0)
-    phase -= np.floor(phase)
-    return Wrapped(
-        sine.period_px,
-        phase.reshape(shape),
-        variance.reshape(shape),
-        np.sqrt(square).reshape(shape),
+    seen = np.stack([picture.reshape(-1) for picture in pictures])
+    found, saturated = np.empty((3, seen.shape[1]), np.float32), np.empty(seen.shape[1], np.uint8)
+    kernel.demodulate(
+        seen,
+        np.stack([cosine, sine_row], axis=1, dtype=np.float32),
+        floor.astype(np.float32),
+        noise.gain,
+        sine.offset_px / sine.period_px % 1.0,
+        FULL * np.iinfo(dtype).max,
+        SMALLEST_SQUARE,
+        found,
         saturated,
     )
+    phase, variance, modulation = found.reshape(3, *shape)
+    return Wrapped(sine.period_px, phase, variance, modulation, saturated.view(np.bool_).reshape(shape))
+
+
+@cache
+def _weights(shifts: tuple[float, ...]) -> tuple[FloatArray, FloatArray]:
+    """Of the pictures, in A cos(phase) and A sin(phase)."""
+    angles = 2 * np.pi * np.array(shifts)
+    design = np.stack([np.ones_like(angles), np.cos(angles), np.sin(angles)], axis=1)
+    _, cosine, sine = np.linalg.pinv(design)
+    return cosine, sine
 
 
 def beat(short: Wrapped, long: Wrapped) -> Wrapped:

@@ -4,9 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
+from functools import cache
 from itertools import pairwise
 
 import numpy as np
+from numpy.typing import NDArray
 
 from retrue.decoding.sequence.noise import FloatImage
 from retrue.decoding.sequence.sines import Wrapped, beat, harmonics
@@ -44,6 +46,12 @@ class Coarse:
     period_px: float
     phase: FloatImage | None = None
 
+    def at(self, pixels: NDArray[np.intp]) -> Coarse:
+        """Of these pixels, by their flat index."""
+        reach = self.reach if isinstance(self.reach, float) else np.take(self.reach, pixels)
+        phase = None if self.phase is None else np.take(self.phase, pixels)
+        return Coarse(np.take(self.px, pixels), np.take(self.variance, pixels), reach, self.period_px, phase)
+
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Bend:
@@ -62,9 +70,13 @@ class Bend:
         """In each pixel."""
         if not self.coefficients.any():
             return np.zeros_like(phase)
-        terms = harmonics((np.arange(BEND_STEPS) + 0.5) / BEND_STEPS, CUE_HARMONICS)
-        bent = (self.coefficients[1:] @ terms + self.coefficients[0]).astype(np.float32)
+        bent = (self.coefficients[1:] @ _bend_terms() + self.coefficients[0]).astype(np.float32)
         return bent[np.minimum((phase * np.float32(BEND_STEPS)).astype(np.int32), BEND_STEPS - 1)]
+
+
+@cache
+def _bend_terms() -> NDArray[np.floating]:
+    return harmonics((np.arange(BEND_STEPS) + 0.5) / BEND_STEPS, CUE_HARMONICS)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
