@@ -12,13 +12,13 @@ import retrue
 
 PUBLIC = [
     "Accepted", "Board", "BoardCapture", "CadModel", "CadOptions", "Calibrated", "CalibrationOptions", "Camera",
-    "CaptureError", "Cloud", "ColorGrid", "Correspondences", "DamagedLine", "DegenerateError", "DeviceError",
+    "CaptureError", "Cloud", "ColorGrid", "Correspondences", "DamagedLine", "DegenerateError", "DeviceError", "DistanceError",
     "Evidence", "FileError", "FittedView", "Frame", "FrameSequence", "GrayCode", "History", "HistoryEntry",
     "InputError", "KnownDistance", "LineGrid", "Lines", "LiveRig", "Mesh", "PlanarPose", "Plane", "PoseCandidate",
     "PoseChange", "PoseSigma", "Reason", "RecalibrateOptions", "ReconstructOptions", "RecordOptions", "Recorder",
     "Refused", "RefusedCalibration", "RetrueError", "RetrueWarning", "Rig", "RigidTransform", "RobustHomography",
     "Setup", "SimulateOptions", "Simulated", "StereoCapture", "Verification", "VerifyOptions", "calibrate",
-    "cloud_picture", "decode", "epipolar_residuals", "fill_holes", "fit_homography", "fit_homography_robust",
+    "cloud_picture", "decode", "epipolar_residuals", "error_by_distance", "fill_holes", "fit_homography", "fit_homography_robust",
     "layout_sequence", "make_cad", "make_color_grid", "make_line_grid", "make_mesh", "make_rig",
     "match_through_code", "parse_board", "parse_setup", "planar_pose_candidates", "planar_pose_candidates_batch",
     "read_board_capture", "read_board_captures", "read_capture", "read_device", "read_folder", "read_history",

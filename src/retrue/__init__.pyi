@@ -85,6 +85,8 @@ from retrue.recalibration.result import Verification as Verification
 from retrue.recalibration.verify import verify as verify
 from retrue.reconstruction.cloud import Cloud as Cloud
 from retrue.reconstruction.cloud import Mesh as Mesh
+from retrue.reconstruction.error_by_distance import DistanceError as DistanceError
+from retrue.reconstruction.error_by_distance import error_by_distance as error_by_distance
 from retrue.reconstruction.holes import fill_holes as fill_holes
 from retrue.reconstruction.mesh import make_mesh as make_mesh
 from retrue.reconstruction.normals import with_normals as with_normals

@@ -11,6 +11,7 @@ from retrue.report.lengths import pixels, shown_unit
 from retrue.report.page import Fact, Page, Section, Table
 from retrue.report.residual_section import median_residual, residual_section
 from retrue.report.scene import rig_scene
+from retrue.report.sigma_section import sigma_section
 from retrue.rig import Rig
 from retrue.shown import figures
 
@@ -36,6 +37,8 @@ def reconstruction_page(rig: Rig, capture: Capture, cloud: Cloud, *, faces: int 
     both = len(capture.points.axes) == 2  # nothing checks the rays of one coordinate
     if both:
         facts.append(Fact("Rays miss by (median)", pixels(median_residual(rig, [capture]))))
+    if cloud.sigma is not None:
+        facts.append(Fact("A point's own sigma", unit.text(float(np.nanmedian(cloud.sigma))), "median, along the ray"))
     if faces is not None:
         facts.insert(1, Fact("Faces", figures(faces)))
     return Page(
@@ -48,6 +51,7 @@ def reconstruction_page(rig: Rig, capture: Capture, cloud: Cloud, *, faces: int 
         (
             Section("In space", "", (rig_scene(rig, cloud, unit),)),
             *((residual_section({"With this rig": rig}, [capture]),) if both else ()),
+            *((sigma_section(cloud, rig, capture),) if cloud.sigma is not None else ()),
             Section(
                 "What was kept",
                 "One part in 200 at either end is left out of these sizes.",
