@@ -93,6 +93,11 @@ from retrue.reconstruction.normals import with_normals as with_normals
 from retrue.reconstruction.options import ReconstructOptions as ReconstructOptions
 from retrue.reconstruction.reconstruct import epipolar_residuals as epipolar_residuals
 from retrue.reconstruction.reconstruct import reconstruct as reconstruct
+from retrue.reconstruction.scale import Scale as Scale
+from retrue.reconstruction.scale import scale_from_ball as scale_from_ball
+from retrue.reconstruction.scale import scale_from_ball_bar as scale_from_ball_bar
+from retrue.reconstruction.scale import scale_from_points as scale_from_points
+from retrue.reconstruction.scale import scaled_rig as scaled_rig
 from retrue.report.pictures import cloud_picture as cloud_picture
 from retrue.report.pictures import residual_picture as residual_picture
 from retrue.rig import Rig as Rig

@@ -15,11 +15,13 @@ from retrue.reconstruction.uncertainty import rig_covariance
 from retrue.rig import Rig, require_rig
 
 LOG_LENGTH = 5  # of the rig's numbers: log |t|
+FARTHEST_PX = 30.0  # that a click may lie from the next point
 NEAREST = 12  # points about a click that tell where it lies
 SEED = 40  # points about a click that a ball is first fitted to
 FEWEST = 30  # points on a ball
-WITHIN = 3.0  # sigmas from a ball that its points lie
+WITHIN = 5.0  # sigmas from a ball that its points lie
 ROUNDS = 30
+LEAST_KNOWN = 0.05  # one sigma of a ball's radius, relative
 LEAST_CAP = 0.12
 """Of the radius: depth of the part of a ball that is seen; of less, centre and radius are hardly told apart."""
 
@@ -43,7 +45,9 @@ class Scale:
     how: str
 
 
-def scale_from_points(cloud: Cloud, first_px: ArrayLike, second_px: ArrayLike, length: float, sigma: float = 0) -> Scale:
+def scale_from_points(
+    cloud: Cloud, first_px: ArrayLike, second_px: ArrayLike, length: float, sigma: float = 0
+) -> Scale:
     """From two camera pixels, as clicked, and the distance between what they show.
 
     Each place is the mean of the points nearest to its click, each weighted by its own sigma, on the click's ray.
@@ -69,13 +73,15 @@ def scale_from_points(cloud: Cloud, first_px: ArrayLike, second_px: ArrayLike, l
     if cloud.uncertainty is not None:
         u = apart / measured
         own = [float(u @ cloud.select(rows).covariance("own").mean(axis=0) @ u) / len(rows) for rows in (near, far)]
-        shifts = [cloud.select(rows).common_shifts().mean(axis=0) for rows in (near, far)]
+        known = cloud.uncertainty  # all that they share but the scale, which is measured here
+        known = replace(known, rig=scaled_rig(known.rig, Scale(1.0, 0.0, 1.0, 1.0, "")))
+        shifts = [known.shifts(cloud.points[rows]).mean(axis=0) for rows in (near, far)]
         variance = sum(own) + float(np.sum((u @ (shifts[0] - shifts[1])) ** 2))
     return _scale(measured, length, np.sqrt(variance), sigma, "two points that were clicked")
 
 
 def scale_from_ball(cloud: Cloud, click_px: ArrayLike, diameter: float, sigma: float = 0) -> Scale:
-    """From a ball of that diameter, clicked anywhere on it.
+    """From a ball of that diameter, clicked anywhere on it; its sigma holds the points' own errors only.
 
     Raises
     ------
@@ -155,12 +161,12 @@ def find_ball(cloud: Cloud, click_px: ArrayLike) -> Ball:
     for _ in range(ROUNDS):
         centre, radius = _sphere(cloud.points[members])
         off = np.abs(np.linalg.norm(cloud.points - centre, axis=1) - radius)
-        usual = max(1.4826 * float(np.median(off[members])), 1e-12)
+        usual = sigma if cloud.sigma is not None else 1.4826 * float(np.median(off[members]))
         reach = np.linalg.norm(cloud.camera_px - cloud.camera_px[order[0]], axis=1)
         allowed = 1.3 * float(reach[members].max())
-        members = np.flatnonzero((off <= WITHIN * np.maximum(usual, sigma)) & (reach <= allowed))
+        members = np.flatnonzero((off <= WITHIN * usual) & (reach <= allowed))
         if len(members) < FEWEST:
-            raise DegenerateError(f"ball: expected {FEWEST} points or more on one where it was clicked, found {len(members)}")
+            raise DegenerateError(f"ball: expected {FEWEST} points on one where it was clicked, found {len(members)}")
         if len(members) == count:
             break
         count = len(members)
@@ -189,7 +195,8 @@ def _adjusted(X: FloatArray, sigma: FloatArray, centre: FloatArray, radius: floa
     covariance = covariance * max(1.0, float(off @ off) / max(len(X) - 4, 1))
     away = (X - unknowns[:3]) / unknowns[3]
     facing = away @ (away.mean(axis=0) / np.linalg.norm(away.mean(axis=0)))
-    if not (np.isfinite(unknowns).all() and unknowns[3] > 0 and 1 - np.quantile(facing, 0.02) > LEAST_CAP):
+    known = np.sqrt(covariance[3, 3]) <= LEAST_KNOWN * unknowns[3]
+    if not (np.isfinite(unknowns).all() and unknowns[3] > 0 and known and 1 - np.quantile(facing, 0.02) > LEAST_CAP):
         raise DegenerateError("ball: expected one where it was clicked, found a surface that is nearly flat there")
     return Ball(unknowns[:3], float(unknowns[3]), covariance[:3, :3], float(np.sqrt(covariance[3, 3])), len(X))
 
@@ -224,8 +231,7 @@ def _by_distance(cloud: Cloud, pixel: ArrayLike) -> Any:
     if not len(known):
         raise DegenerateError("scale: expected a cloud that knows where the camera sees its points, found none")
     order = known[np.argsort(away[known], kind="stable")]
-    spacing = float(np.median(away[order[: min(len(order), 4 * NEAREST)]]))
-    if not away[order[0]] <= max(4 * spacing / 4, 20.0):
+    if not away[order[0]] <= FARTHEST_PX:
         raise DegenerateError(f"scale: no point near that pixel, the next is {away[order[0]]:.0f} px away")
     return order
 
