@@ -25,7 +25,7 @@ PUBLIC = [
     "read_image", "read_pattern", "read_points", "read_rig", "read_stereo_captures", "recalibrate", "reconstruct",
     "residual_picture", "roll_back", "scale_from_ball", "scale_from_ball_bar", "scale_from_points", "scaled_rig", "simulate", "triangulate", "verify", "with_normals", "write_cloud",
     "write_in_place", "write_mesh", "write_pattern", "write_png", "write_points", "write_report", "write_rig",
-    "write_step",
+    "write_step", "write_view",
 ]  # fmt: skip
 HEAVY = {"cv2", "scipy", "matplotlib", "tyro"}
 

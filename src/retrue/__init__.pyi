@@ -62,6 +62,7 @@ from retrue.geometry.robust_homography import fit_homography_robust as fit_homog
 from retrue.geometry.transform import RigidTransform as RigidTransform
 from retrue.geometry.triangulation import triangulate as triangulate
 from retrue.pages import write_report as write_report
+from retrue.pages import write_view as write_view
 from retrue.patterns.color_grid import ColorGrid as ColorGrid
 from retrue.patterns.color_grid import make_color_grid as make_color_grid
 from retrue.patterns.gray_code import GrayCode as GrayCode

@@ -129,6 +129,13 @@ def _without_strays(cloud: Cloud, grid: SurfaceGrid) -> Cloud:
     return replace(cloud.select(kept), card=card)
 
 
+def set_aside(rig: Rig, points: Correspondences, cloud: Cloud) -> Cloud:
+    """The points in front of both devices that `cloud`, made of the same, was made without; possibly none."""
+    everything = reconstruct(rig, points, ReconstructOptions(outlier_sigmas=1e12, keep_strays=True))
+    kept = set(map(tuple, cloud.camera_px.tolist()))
+    return everything.select(np.array([tuple(pixel) not in kept for pixel in everything.camera_px.tolist()], np.bool_))
+
+
 def epipolar_residuals(rig: Rig, points: Correspondences) -> FloatArray:
     """Signed distance (N,) in pixels by which each point's two rays miss each other, Sampson's approximation.
 
