@@ -12,20 +12,20 @@ import retrue
 
 PUBLIC = [
     "Accepted", "Board", "BoardCapture", "CadModel", "CadOptions", "Calibrated", "CalibrationOptions", "Camera",
-    "CaptureError", "Cloud", "ColorGrid", "Correspondences", "DamagedLine", "DegenerateError", "DeviceError",
+    "CaptureError", "Cloud", "ColorGrid", "Correspondences", "DamagedLine", "DegenerateError", "DeviceError", "DistanceError",
     "Evidence", "FileError", "FittedView", "Frame", "FrameSequence", "GrayCode", "History", "HistoryEntry",
     "InputError", "KnownDistance", "LineGrid", "Lines", "LiveRig", "Mesh", "PlanarPose", "Plane", "PoseCandidate",
     "PoseChange", "PoseSigma", "Reason", "RecalibrateOptions", "ReconstructOptions", "RecordOptions", "Recorder",
     "Refused", "RefusedCalibration", "RetrueError", "RetrueWarning", "Rig", "RigidTransform", "RobustHomography",
-    "Setup", "SimulateOptions", "Simulated", "StereoCapture", "Verification", "VerifyOptions", "calibrate",
-    "cloud_picture", "decode", "epipolar_residuals", "fill_holes", "fit_homography", "fit_homography_robust",
+    "Scale", "Setup", "SimulateOptions", "Simulated", "StereoCapture", "Verification", "VerifyOptions", "calibrate",
+    "cloud_picture", "decode", "epipolar_residuals", "error_by_distance", "fill_holes", "fit_homography", "fit_homography_robust",
     "layout_sequence", "make_cad", "make_color_grid", "make_line_grid", "make_mesh", "make_rig",
     "match_through_code", "parse_board", "parse_setup", "planar_pose_candidates", "planar_pose_candidates_batch",
     "read_board_capture", "read_board_captures", "read_capture", "read_device", "read_folder", "read_history",
     "read_image", "read_pattern", "read_points", "read_rig", "read_stereo_captures", "recalibrate", "reconstruct",
-    "residual_picture", "roll_back", "simulate", "triangulate", "verify", "with_normals", "write_cloud",
+    "residual_picture", "roll_back", "scale_from_ball", "scale_from_ball_bar", "scale_from_points", "scaled_rig", "simulate", "triangulate", "verify", "with_normals", "write_cloud",
     "write_in_place", "write_mesh", "write_pattern", "write_png", "write_points", "write_report", "write_rig",
-    "write_step",
+    "write_step", "write_view",
 ]  # fmt: skip
 HEAVY = {"cv2", "scipy", "matplotlib", "tyro"}
 
