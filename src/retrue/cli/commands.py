@@ -51,6 +51,11 @@ EXAMPLES: dict[str, tuple[str, ...]] = {
     "history": ("retrue history rig.json --plot drift.png",),
     "rollback": ("retrue rollback rig.json 3",),
     "diff": ("retrue diff rig.json new.json --working-distance 1500",),
+    "export": (
+        "retrue export rig.json scene.jpg --pattern pattern.json --to colmap --out scene",
+        "retrue export rig.json --to ros --out retrue_description",
+    ),
+    "warp": ("retrue warp rig.json facade.jpg --pattern pattern.json --picture film.png --out warped",),
     "convert": ("retrue convert rig.json stereo.yml --to procam-calibration",),
     "simulate": ("retrue simulate clutter --rig rig.json --pattern pattern.json --out made",),
     "experiment": ("retrue experiment noise --out experiment-out",),
