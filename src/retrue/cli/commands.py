@@ -40,6 +40,10 @@ EXAMPLES: dict[str, tuple[str, ...]] = {
         "retrue reconstruct rig.json scene.jpg --pattern pattern.json --out cloud.ply",
         "retrue reconstruct rig.json scene.jpg --pattern pattern.json \\\n      --out cloud.ply --mesh part.stl",
     ),
+    "accept": (
+        "retrue accept rig.json position_*.jpg --pattern pattern.json \\\n      --artefact "
+        "spheres:25mm:150.012mm+-0.003mm --max-spacing 0.1 --out certificate.pdf",
+    ),
     "view": ("retrue view rig.json cloud.ply",),
     "studio": ("retrue studio --simulated", "retrue studio setup.toml --port 8090"),
     "watch": (
