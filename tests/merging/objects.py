@@ -27,10 +27,7 @@ def off_surface(points, heights=HEIGHTS):
     outward = points / length[:, None]
     step = 1e-4
     gradient = np.stack(
-        [
-            (level(points + step * e, heights) - level(points - step * e, heights)) / (2 * step)
-            for e in np.eye(3)
-        ],
+        [(level(points + step * e, heights) - level(points - step * e, heights)) / (2 * step) for e in np.eye(3)],
         axis=1,
     )
     del outward, length
@@ -51,7 +48,9 @@ def view_pose(angle, wobble=None):
     """camera_from_object: the object on a turntable before the camera, y down."""
     turn = RigidTransform.from_rotation_vector(angle * AXIS, [0.0, 0.0, 0.0])
     tilt = RigidTransform.from_rotation_vector([0.35, 0.0, 0.0], [3.0, -5.0, DISTANCE])
-    extra = RigidTransform.identity() if wobble is None else RigidTransform.from_rotation_vector(wobble, [0.0, 0.0, 0.0])
+    extra = (
+        RigidTransform.identity() if wobble is None else RigidTransform.from_rotation_vector(wobble, [0.0, 0.0, 0.0])
+    )
     return tilt @ extra @ turn
 
 

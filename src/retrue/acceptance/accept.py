@@ -317,7 +317,7 @@ def _measured_plane(name: str, cloud: Cloud, artefact: Artefact, options: Accept
     if not len(rows) >= options.fewest_points:
         return _refused(name, FewPoints(len(rows), options.fewest_points))
     points = cloud.points[rows]
-    fitted = fit_plane(points, None, options.outliers_permille / 1000)
+    fitted = fit_plane(points, _sigma(cloud, rows), options.outliers_permille / 1000)
     _, _, axes = np.linalg.svd(points - points.mean(axis=0), full_matrices=False)
     length = float(np.ptp(points @ axes[0]))
     if options.diagonal is not None and not length >= SMALLEST_PLANE * options.diagonal:
@@ -325,6 +325,11 @@ def _measured_plane(name: str, cloud: Cloud, artefact: Artefact, options: Accept
     expanded = COVERAGE_FACTOR * fitted.form_sigma
     value = Value("flatness", "", fitted.form, expanded, options.max_flatness)
     return Position(name, (value,), points.mean(axis=0), cloud.camera_px[rows], fitted.residuals)
+
+
+def _sigma(cloud: Cloud, rows: IntArray) -> FloatArray | None:
+    """Of those points along their rays, where it is known."""
+    return None if cloud.sigma is None else cloud.sigma[rows]
 
 
 def _balls(cloud: Cloud, artefact: Artefact, options: AcceptOptions) -> list[tuple[FloatArray, IntArray]]:
@@ -336,7 +341,7 @@ def _fitted_ball(cloud: Cloud, rows: IntArray, artefact: Artefact, options: Acce
     assert artefact.diameter is not None
     if not len(rows) >= options.fewest_points:
         return FewPoints(len(rows), options.fewest_points)
-    element = fit_sphere(cloud.points[rows], None, options.outliers_permille / 1000)
+    element = fit_sphere(cloud.points[rows], _sigma(cloud, rows), options.outliers_permille / 1000)
     expanded = 2 * COVERAGE_FACTOR * _radius_sigma(element)
     if not expanded <= LEAST_SURE * artefact.diameter.value:
         return TooSmall("at this noise the diameter", artefact.diameter.value, expanded / LEAST_SURE, artefact.unit)

@@ -10,6 +10,7 @@ much less they know.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
@@ -64,11 +65,11 @@ def fit_sphere(points: FloatArray, sigma: FloatArray | None, outliers: float) ->
     """
     centre, radius = _algebraic_sphere(points)
     for _ in range(STEPS):
-        away = points - centre
+        away: FloatArray = points - centre
         length = np.linalg.norm(away, axis=1)
         design = np.column_stack([away / length[:, None], np.ones(len(points))])
-        step = np.linalg.lstsq(design, length - radius, rcond=None)[0]
-        centre, radius = centre + step[:3], radius + step[3]
+        step = _least_squares(design, length - radius)
+        centre, radius = centre + step[:3], radius + float(step[3])
         if not np.abs(step).max() > 1e-12 * radius:
             break
     away = points - centre
@@ -103,12 +104,17 @@ def trimmed_range(values: FloatArray, outliers: float) -> float:
     return float((ordered[len(ordered) - 1 - out :] - ordered[: out + 1]).min())
 
 
+def _least_squares(design: FloatArray, values: FloatArray) -> FloatArray:
+    solution: Any = np.linalg.lstsq(design, values, rcond=None)
+    return np.asarray(solution[0], dtype=np.float64)
+
+
 def _algebraic_sphere(points: FloatArray) -> tuple[FloatArray, float]:
     """From |X|^2 = 2 c . X + r^2 - |c|^2, about the mean point."""
     middle = points.mean(axis=0)
     away = points - middle
     design = np.column_stack([2 * away, np.ones(len(away))])
-    solved = np.linalg.lstsq(design, (away**2).sum(axis=1), rcond=None)[0]
+    solved = _least_squares(design, (away**2).sum(axis=1))
     return middle + solved[:3], float(np.sqrt(max(solved[3] + solved[:3] @ solved[:3], 0.0)))
 
 
@@ -124,7 +130,7 @@ def _element(
     """What remains, and how sure all of it is; `across` (N, 2) are places on the element."""
     shape = _noise_across(points, sigma, design[:, :3])
     smooth, level, shared = _split(residuals, across, shape)
-    inverse = np.linalg.pinv(design)
+    inverse = np.asarray(np.linalg.pinv(design), dtype=np.float64)
     covariance = shared * level**2 * (inverse * shape**2) @ inverse.T
     draws = int(np.clip(MOST_NORMALS / len(points), FEWEST_DRAWS, DRAWS))
     random = np.random.default_rng(0)
@@ -144,7 +150,7 @@ def _noise_across(points: FloatArray, sigma: FloatArray | None, normals: FloatAr
     known = sigma is not None and bool(np.isfinite(sigma).all()) and bool((sigma > 0).all())
     along = sigma if known and sigma is not None else distance**2
     cosine = np.abs((points * normals).sum(axis=1)) / distance
-    shape = along * np.hypot(cosine, SIDEWAYS)
+    shape: FloatArray = along * np.hypot(cosine, SIDEWAYS)
     return shape / np.sqrt(np.mean(shape**2))
 
 
@@ -153,7 +159,7 @@ def _split(residuals: FloatArray, across: FloatArray, shape: FloatArray) -> tupl
     low, high = across.min(axis=0), across.max(axis=0)
     u, v = (2 * (across - low) / (high - low) - 1).T
     terms = np.stack([u**i * v**j for i in range(DEGREE + 1) for j in range(DEGREE + 1 - i)], axis=1)
-    smooth = terms @ np.linalg.lstsq(terms, residuals, rcond=None)[0]
+    smooth = terms @ _least_squares(terms, residuals)
     noise = (residuals - smooth) / shape
     level = float(np.sqrt((noise @ noise) / max(len(noise) - terms.shape[1], 1)))
     place = np.minimum(((across - low) / (high - low) * BLOCKS).astype(np.int64), BLOCKS - 1)

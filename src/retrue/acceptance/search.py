@@ -70,6 +70,7 @@ def find_plane(points: FloatArray) -> IntArray:
         alike = int((flat & (np.abs(normals @ normals[row]) > STEEPEST)).sum())
         best, most = (row, alike) if alike > most else (best, most)
     normal, distance = normals[best], normals[best] @ thin[best]
+    axes = np.eye(3)
     for _ in range(10):
         off = thin @ normal - distance
         weights = biweight(off / (FLAT * extent / 3)) * (np.abs(np.nan_to_num(normals) @ normal) > STEEPEST)
@@ -135,13 +136,13 @@ def _settled(points: FloatArray, centre: FloatArray, radius: float, cap_deg: flo
         rows = _on_cap(points, centre, radius, cap_deg)
         if rows.sum() < FEWEST_NEIGHBOURS:
             break
-        away = points[rows] - centre
+        away: FloatArray = points[rows] - centre
         length = np.linalg.norm(away, axis=1)
         off = length - radius
         weights = biweight(off / (NEAR * radius / 2))
         design = away / length[:, None]
-        normal = (design * weights[:, None]).T @ design + 1e-9 * np.eye(3)
-        step: FloatArray = np.linalg.solve(normal, design.T @ (weights * off))
+        information: FloatArray = (design * weights[:, None]).T @ design + 1e-9 * np.eye(3)
+        step = np.asarray(np.linalg.solve(information, design.T @ (weights * off)), dtype=np.float64)
         centre = centre + step
         if not np.linalg.norm(step) > 1e-4 * radius:
             break

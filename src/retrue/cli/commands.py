@@ -40,6 +40,10 @@ EXAMPLES: dict[str, tuple[str, ...]] = {
         "retrue reconstruct rig.json scene.jpg --pattern pattern.json --out cloud.ply",
         "retrue reconstruct rig.json scene.jpg --pattern pattern.json \\\n      --out cloud.ply --mesh part.stl",
     ),
+    "merge": (
+        "retrue merge view_*.ply --out object.ply --mesh object.stl",
+        "retrue merge view_*.ply --turntable 12 --out object.ply",
+    ),
     "accept": (
         "retrue accept rig.json position_*.jpg --pattern pattern.json \\\n      --artefact "
         "spheres:25mm:150.012mm+-0.003mm --max-spacing 0.1 --out certificate.pdf",

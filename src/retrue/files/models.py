@@ -19,7 +19,7 @@ import numpy as np
 from retrue.errors import FileError, require_kind, require_path
 from retrue.files.atomic import read_bytes, replaced_file
 from retrue.files.exchange.clouds import e57_bytes, npz_bytes, pcd_bytes, require_e57, xyz_bytes
-from retrue.files.ply import read_ply
+from retrue.files.ply import read_vertices
 from retrue.files.ply import write_cloud as write_ply_cloud
 from retrue.files.ply import write_mesh as write_ply_mesh
 from retrue.reconstruction.cloud import Cloud, Mesh, require_cloud
@@ -135,21 +135,23 @@ def read_model(path: str | Path, unit: str) -> Cloud | Mesh:
         unit = "mm" if ending == ".stl" else "m"
     elif found is not None:
         unit = found.group(1).decode("ascii", "replace")
-    points, colors, faces = _ours(path, content) or _foreign(path, content, ending)
+    points, colors, faces, sigma = _ours(path, content) or (*_foreign(path, content, ending), None)
     if not len(points):
         raise FileError(path, "expected points, found none")
     if not np.isfinite(points).all():
         raise FileError(path, "expected finite points, found NaN or infinity")
     if len(faces):
         return Mesh(points, colors, faces, unit)
-    return Cloud(points, colors, np.full((len(points), 2), np.nan), unit)
+    return Cloud(points, colors, np.full((len(points), 2), np.nan), unit, sigma=sigma)
 
 
 def _ours(path: Path, content: bytes) -> Any:
-    """Points, colours and faces of a PLY in our own layout; None of any other file."""
+    """Points, colours, faces and sigma (or None) of a PLY in our own layout; None of any other file."""
     if not content.startswith(b"ply\nformat binary_little_endian 1.0\ncomment unit "):
         return None
-    return read_ply(path)
+    vertex, faces = read_vertices(path)
+    sigma = vertex["sigma"].astype(np.float64) if "sigma" in (vertex.dtype.names or ()) else None
+    return vertex["point"].astype(np.float64), vertex["color"].copy(), faces, sigma
 
 
 def _foreign(path: Path, content: bytes, ending: str) -> Any:

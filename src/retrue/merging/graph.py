@@ -68,9 +68,9 @@ def adjust(
 ) -> Adjusted:
     """Poses at which all pairs' surfaces lie on each other best: least squares over the views' noise, robust.
 
-    Every pair says by its normal equations what turn and shift of its second view against its first one it wants, all in
-    the object's frame; the first view stays. Both directions of a pair are asked, each at half its weight, for they
-    are of the same points.
+    Every pair says by its normal equations what turn and shift of its second view against its first one it wants,
+    all in the object's frame; the first view stays. Both directions of a pair are asked, each at half its weight,
+    for they are of the same points.
     """
     order = list(poses)
     place = {view: number for number, view in enumerate(order)}

@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from retrue.answers import Reason
 from retrue.errors import DegenerateError, InputError, require_kind, require_kinds
@@ -71,7 +72,9 @@ class Merged(ByValue, ShortRepr):
 
         Raises `InputError` without scikit-image, and `DegenerateError` where there is no surface.
         """
-        vertices, faces = surface_mesh(self.surface, cell or MESH_CELL * self.spacing)
+        cell = cell or MESH_CELL * self.spacing
+        surface = replace(self.surface, reach=max(self.surface.reach, cell))  # else cells would fall between points
+        vertices, faces = surface_mesh(surface, cell)
         _, row = self.surface.tree.query(vertices)
         return Mesh(vertices, self.cloud.colors[row], faces, self.cloud.unit)
 
@@ -134,7 +137,6 @@ def merge(
     clouds: Sequence[Cloud],
     options: MergeOptions | None = None,
     *,
-    sigmas: Sequence[FloatArray | None] = (),
     names: Sequence[str] = (),
     progress: Progress | None = None,
 ) -> Merged | RefusedMerge:
@@ -142,8 +144,8 @@ def merge(
 
     Parameters
     ----------
-    clouds : two or more, each in its own camera frame, as `reconstruct` makes them; in any order.
-    sigmas : (N,) of each cloud's points along their rays; without it noise grows as the square of depth. Only ratios count.
+    clouds : two or more, each in its own camera frame, as `reconstruct` makes them; in any order. Of their `sigma`
+        only ratios count; without it, noise grows as the square of depth.
     names : for what is said of them; numbers, unless given.
     progress : called with the number of views tied and in all.
 
@@ -159,14 +161,13 @@ def merge(
     units = sorted({cloud.unit for cloud in clouds})
     if len(units) > 1:
         raise InputError(f"merge: expected one unit of length, found {', '.join(units)}")
-    if options.turntable is not None and options.turntable != len(clouds):
+    if options.turntable not in (0, len(clouds)):
         raise InputError(f"turntable: expected as many views as steps of a turn, found {len(clouds)}")
     require_libraries()
-    known = list(sigmas) or [None] * len(clouds)
     names = tuple(names) or tuple(f"view {number}" for number in range(1, len(clouds) + 1))
-    clouds = [cloud.select(np.isfinite(cloud.points).all(axis=1)) for cloud in clouds]
+    clouds = [cloud.select(np.flatnonzero(np.isfinite(cloud.points).all(axis=1))) for cloud in clouds]
     cell = options.cell or usual_cell([cloud.points for cloud in clouds])
-    views = [_view(name, cloud, sigma, cell) for name, cloud, sigma in zip(names, clouds, known, strict=True)]
+    views = [_view(name, cloud, cell) for name, cloud in zip(names, clouds, strict=True)]
     tried: dict[tuple[int, int], Pair] = {}
     pairs = _ties(views, options, cell, tried, progress)
     group = largest_group(len(views), pairs)
@@ -177,16 +178,18 @@ def merge(
     neighbours = _neighbours(views, poses, options, cell)
     adjusted = adjust(views, poses, [(pair.first, pair.second) for pair in neighbours], cell)
     left_out = {
-        view: NoCommonSurface(names[view], max((pair.overlap for key, pair in tried.items() if view in key), default=0.0))
+        view: NoCommonSurface(
+            names[view], max((pair.overlap for key, pair in tried.items() if view in key), default=0.0)
+        )
         for view in range(len(views))
         if view not in group
     }
-    return _merged(clouds, known, views, adjusted, left_out, names)
+    return _merged(clouds, views, adjusted, left_out, names)
 
 
-def _view(name: str, cloud: Cloud, sigma: FloatArray | None, cell: float) -> View:
+def _view(name: str, cloud: Cloud, cell: float) -> View:
     try:
-        return make_view(cloud.points, sigma, cell)
+        return make_view(cloud.points, cloud.sigma, cell)
     except DegenerateError as error:
         raise DegenerateError(f"{name}: {error}") from error
 
@@ -204,7 +207,7 @@ def _ties(
 ) -> list[Pair]:
     """Pairs that tie as many views as can be: neighbours in the order of taking first, none of what is tied already."""
     count = len(views)
-    if options.turntable is not None:
+    if options.turntable:
         return _turned(views, options, cell, tried)
     pairs: list[Pair] = []
     group = list(range(count))
@@ -226,7 +229,7 @@ def _ties(
 def _turned(
     views: Sequence[View], options: MergeOptions, cell: float, tried: dict[tuple[int, int], Pair]
 ) -> list[Pair]:
-    """The same on a turntable: all steps are one and the same motion, so that the step that most of them fit is found first."""
+    """The same on a turntable, where all steps are one motion: that which most of them fit."""
     count = len(views)
     angle = 2 * np.pi / count
     steps = [(first, (first + 1) % count) for first in range(count)]
@@ -269,18 +272,20 @@ def _face_alike(first: View, second: View, pose: RigidTransform) -> bool:
 
 def _merged(
     clouds: Sequence[Cloud],
-    sigmas: Sequence[FloatArray | None],
     views: Sequence[View],
     adjusted: Adjusted,
     left_out: dict[int, NoCommonSurface],
     names: tuple[str, ...],
 ) -> Merged:
-    points, normals, noise, colors = [], [], [], []
+    points: list[FloatArray] = []
+    normals: list[FloatArray] = []
+    noise: list[FloatArray] = []
+    colors: list[NDArray[np.uint8]] = []
     spacings: list[float] = []
     for number, pose in adjusted.poses.items():
-        cloud, sigma = clouds[number], sigmas[number]
+        cloud = clouds[number]
         found, flat = local_normals(cloud.points, 16)
-        along = views[number].noise if sigma is None else sigma
+        along = np.full(len(cloud), views[number].noise) if cloud.sigma is None else cloud.sigma
         cosine = np.abs((cloud.points * found).sum(axis=1)) / np.linalg.norm(cloud.points, axis=1)
         kept = flat & (cosine > 0.05)
         points.append(pose.apply(cloud.points[kept]))
@@ -289,11 +294,12 @@ def _merged(
         colors.append(cloud.colors[kept])
         spacings.append(usual_spacing(cloud.points))
     spacing = float(np.median(spacings))
-    surface = make_surface(*(np.concatenate(part) for part in (points, normals, noise)), SURFACE_REACH * spacing)
+    together = np.concatenate(points), np.concatenate(normals), np.concatenate(noise)
+    surface = make_surface(*together, SURFACE_REACH * spacing)
     on, normal, sigma_on = surface.onto(surface.points)
     middle = surface.points.mean(axis=0)
     pose_sigma = {view: _pose_sigma(adjusted, place, middle) for place, view in enumerate(adjusted.poses)}
-    merged_colors = np.concatenate(colors)
+    merged_colors = np.concatenate(colors)[surface.rows]
     good = np.isfinite(on).all(axis=1)
     card: dict[str, Any] = {"points": int(good.sum()), "views": len(adjusted.poses)}
     cloud = Cloud(
@@ -303,8 +309,8 @@ def _merged(
         clouds[0].unit,
         card=card,
         normals=normal[good],
+        sigma=sigma_on[good],
     )
-    del sigma_on
     return Merged(
         cloud,
         adjusted.poses,

@@ -1,7 +1,8 @@
 """Two views of one object: how they lie to each other, and whether they do at all.
 
-Coarse by KISS-Matcher (features of the local shape, outliers pruned by a graph), fine by small_gicp (plane to plane). What
-they say is believed only where the surfaces then lie on each other, and neither lies where the other's camera saw through.
+Coarse by KISS-Matcher (features of the local shape, outliers pruned by a graph), fine by small_gicp (plane to
+plane). What they say is believed only where the surfaces then lie on each other, and neither lies where the other's
+camera saw through.
 """
 
 from __future__ import annotations
@@ -118,7 +119,8 @@ def counterparts(target: View, source: View, pose: RigidTransform, cell: float) 
 def normal_equations(found: Counterparts, level: float) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Information (6, 6) and gradient (6,) of a small turn and shift of the source in the target's frame; weights (M,).
 
-    A turn w and a shift v about the target's origin move a point at X by w x X + v, its distance by (X x n, n) . (w, v).
+    A turn w and a shift v about the target's origin move a point at X by w x X + v, its distance by (X x n, n) . (w,
+    v).
     """
     weights = biweight(found.distance / (level * found.sigma)) / found.sigma**2
     design = np.column_stack([np.cross(found.places, found.normals), found.normals])

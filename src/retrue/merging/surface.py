@@ -1,7 +1,8 @@
-"""Many views' points as one surface: an implicit function that all of them have a say in, weighted by how sure they are.
+"""Many views' points as one surface: an implicit function that all of them have a say in, weighted by how sure they
+are.
 
-f(x) = sum w_k n_k' . (x - p_k) / sum w_k, w_k = exp(-|x - p_k|^2 / h^2) / sigma_k^2, n_k' the mean of the point's normal and
-that of the place, so that curvature cancels. Its zero is the surface: smooth across the seams of views.
+f(x) = sum w_k n_k' . (x - p_k) / sum w_k, w_k = exp(-|x - p_k|^2 / h^2) / sigma_k^2, n_k' the mean of the point's
+normal and that of the place, so that curvature cancels. Its zero is the surface: smooth across the seams of views.
 Source: R. Kolluri, "Provably good moving least squares", SODA 2005; for n_k' S. Rusinkiewicz, see `pairs`.
 """
 
@@ -25,13 +26,17 @@ MOST_NODES = 40_000_000  # of the grid
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Surface:
-    """Oriented points (N, 3) of all views in one frame, with their normals, sigma (N,), and the length h."""
+    """Oriented points (N, 3) of all views in one frame, with their normals, sigma (N,), and the length h.
+
+    `rows` (N,) tells which ones of those that were handed in.
+    """
 
     points: FloatArray
     normals: FloatArray
     sigma: FloatArray
     reach: float
     tree: Any
+    rows: IntArray
 
     def at(self, places: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
         """f (M,), the normal (M, 3) and the sigma (M,) of f at places; NaN where no point is within reach."""
@@ -69,7 +74,7 @@ def make_surface(points: FloatArray, normals: FloatArray, sigma: FloatArray, rea
     """Points without a normal are left out."""
     known = np.isfinite(normals).all(axis=1) & np.isfinite(points).all(axis=1) & (sigma > 0)
     points = np.ascontiguousarray(points[known])
-    return Surface(points, normals[known], sigma[known], reach, neighbour_tree(points))
+    return Surface(points, normals[known], sigma[known], reach, neighbour_tree(points), np.flatnonzero(known))
 
 
 def require_meshing() -> None:
@@ -79,7 +84,8 @@ def require_meshing() -> None:
 
 
 def surface_mesh(surface: Surface, cell: float) -> tuple[FloatArray, IntArray]:
-    """Vertices (N, 3) and faces (M, 3), counter-clockwise from outside, by marching cubes of that size; holes stay open.
+    """Vertices (N, 3) and faces (M, 3), counter-clockwise from outside, by marching cubes of that size; holes stay
+    open.
 
     Raises `DegenerateError` where the object is larger than the grid may be, or has no surface.
     """
@@ -111,11 +117,12 @@ def surface_mesh(surface: Surface, cell: float) -> tuple[FloatArray, IntArray]:
 
 def _near_nodes(surface: Surface, low: FloatArray, shape: IntArray, cell: float) -> BoolArray:
     """Nodes within a cell and a half of a point."""
-    from scipy.ndimage import binary_dilation
+    from scipy import ndimage
 
     near = np.zeros(shape, bool)
     near[tuple(np.round((surface.points - low) / cell).astype(np.int64).T)] = True
-    return np.asarray(binary_dilation(near, np.ones((3, 3, 3))))
+    library: Any = ndimage
+    return np.asarray(library.binary_dilation(near, np.ones((3, 3, 3))), dtype=np.bool_)
 
 
 def _of_cubes_that_are_known(

@@ -61,8 +61,8 @@ def make_view(points: FloatArray, sigma: FloatArray | None, cell: float) -> View
     """Thin points (N, 3) of the camera frame to one a cell, where a quadric through its neighbours is.
 
     A mean of the points would lie inside of every bump, the more the denser they are, and views would not fit.
-    `sigma` (N,) is that along the ray; without it, noise grows as the square of depth. Raises `DegenerateError` where too
-    few points, or none with neighbours on a surface, remain.
+    `sigma` (N,) is that along the ray; without it, noise grows as the square of depth. Raises `DegenerateError`
+    where too few points, or none with neighbours on a surface, remain.
     """
     if len(points) < FEWEST_POINTS:
         raise DegenerateError(f"merge: expected {FEWEST_POINTS} points on a surface, found {len(points)}")
@@ -91,9 +91,7 @@ def make_view(points: FloatArray, sigma: FloatArray | None, cell: float) -> View
     )
 
 
-def _patches(
-    points: FloatArray, places: FloatArray
-) -> tuple[FloatArray, FloatArray, FloatArray, IntArray, Any]:
+def _patches(points: FloatArray, places: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray, IntArray, Any]:
     """Quadrics through the nearest points of each place: where they are, their normals, the variance that they leave.
 
     And the points they go through (N, k), and whether they lie along a surface at all (N,).

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 
@@ -49,7 +50,17 @@ def fill_holes(cloud: Cloud) -> Cloud:
         "holes_left_open": enclosed - len(patches),
         "points_filled_in": sum(map(len, patches)),
     }
-    return replace(_joined([cloud, *patches]), card=card)
+    return replace(_joined([cloud, *patches]), card=card, **_unknown_of_new(cloud, sum(map(len, patches))))
+
+
+def _unknown_of_new(cloud: Cloud, new: int) -> dict[str, Any]:
+    """How sure the points are, with NaN for as many more that nobody measured."""
+    nothing = np.full(new, np.nan)
+    known = cloud.uncertainty
+    if known is not None:
+        camera, projector = (np.append(column, nothing) for column in (known.camera_sigma_px, known.projector_sigma_px))
+        known = replace(known, camera_sigma_px=camera, projector_sigma_px=projector)
+    return {"sigma": None if cloud.sigma is None else np.append(cloud.sigma, nothing), "uncertainty": known}
 
 
 def _piece_of_each_cell(grid: SurfaceGrid, count: int) -> IntArray:

@@ -10,17 +10,19 @@ from numpy.typing import NDArray
 
 from retrue.correspondences import Correspondences, require_points
 from retrue.errors import DegenerateError, require_kind
-from retrue.geometry.arrays import BoolArray, FloatArray, IntArray
+from retrue.geometry.arrays import BoolArray, FloatArray
 from retrue.geometry.camera import Camera
 from retrue.geometry.robust import MAD_TO_SIGMA
 from retrue.geometry.triangulation import sampson_distances, triangulate
 from retrue.rasters import check_rasters
 from retrue.reconstruction.cloud import Cloud
+from retrue.reconstruction.noise import point_noise
 from retrue.reconstruction.one_coordinate import completed_projector_px
 from retrue.reconstruction.options import ReconstructOptions
 from retrue.reconstruction.pieces import find_strays
 from retrue.reconstruction.quantised import between_readings, quantisation_px
-from retrue.reconstruction.surface_grid import surface_grid
+from retrue.reconstruction.surface_grid import SurfaceGrid, surface_grid
+from retrue.reconstruction.uncertainty import Uncertainty
 from retrue.rig import Rig, require_rig
 
 FINEST_RESIDUAL_PX = 0.01  # rays that pass each other by less than this are no outliers, whatever the rest do
@@ -82,12 +84,25 @@ def reconstruct(rig: Rig, points: Correspondences, options: ReconstructOptions |
         card["quantised_px"] = list(steps)
     cells = None if points.cells is None else points.cells[kept]
     cloud = Cloud(X[kept], _colors(points)[kept], points.camera_px[kept], rig.unit, cells, card)
-    return cloud if options.keep_strays or cells is None else _without_strays(cloud, cells)
+    grid = None if cells is None else surface_grid(cloud.points, cells)
+    cloud = _with_sigma(cloud, rig, points.select(kept), residual_px[kept], grid)
+    return cloud if options.keep_strays or grid is None else _without_strays(cloud, grid)
 
 
-def _without_strays(cloud: Cloud, cells: IntArray) -> Cloud:
+def _with_sigma(
+    cloud: Cloud, rig: Rig, points: Correspondences, residual_px: FloatArray, grid: SurfaceGrid | None
+) -> Cloud:
+    """The cloud with how sure each point is, where that can be told."""
+    noise = point_noise(rig, points, cloud.points, residual_px, grid)
+    if noise is None:
+        return cloud
+    uncertainty = Uncertainty(rig, points.axes, *noise)
+    return replace(cloud, sigma=uncertainty.along_rays(cloud.points), uncertainty=uncertainty)
+
+
+def _without_strays(cloud: Cloud, grid: SurfaceGrid) -> Cloud:
     """The cloud without points that lie on no surface; all of it where the grid shows no surface at all."""
-    strays = find_strays(surface_grid(cloud.points, cells), len(cloud))
+    strays = find_strays(grid, len(cloud))
     kept = ~(strays.alone | strays.islands)
     if not kept.any():
         return cloud

@@ -51,7 +51,7 @@ def residual_picture(position: Position, photograph: Image | None) -> tuple[PilI
         )
     scale = float(np.quantile(np.abs(position.residuals), 0.99)) or 1.0
     draw = ImageDraw.Draw(canvas)
-    spacing = float(np.sqrt(np.prod(high - low - 2 * rim) / len(position.residuals))) * enlarged
+    spacing = float(np.sqrt(float((high - low - 2 * rim).prod()) / len(position.residuals))) * enlarged
     radius = float(np.clip(0.42 * spacing, 1.2, 6.0))
     for (x, y), color in zip((position.camera_px - low) * enlarged, _colors(position.residuals / scale), strict=True):
         draw.ellipse((x - radius, y - radius, x + radius, y + radius), fill=tuple(color.tolist()))

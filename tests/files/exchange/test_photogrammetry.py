@@ -7,7 +7,7 @@ import pytest
 from retrue.errors import InputError
 from retrue.files.exchange.photogrammetry import rig_views, write_colmap, write_nerfstudio
 from retrue.files.images import read_image
-from retrue.files.ply import read_ply
+from retrue.files.models import read_model
 from retrue.geometry.camera import Camera
 from retrue.reconstruction.depth_map import depth_map
 from retrue.rig import Rig
@@ -44,7 +44,7 @@ def test_colmap_sees_every_point_where_both_devices_see_it(tmp_path):
 def test_nerfstudio_projects_the_points_to_the_same_pixels(tmp_path):
     write_nerfstudio(tmp_path, CLOUD, rig_views(RIG, CLOUD, PHOTOGRAPH, SHOWN, depth_map(CLOUD, CAMERA)))
     said = json.loads((tmp_path / "transforms.json").read_text())
-    points, _, _ = read_ply(tmp_path / said["ply_file_path"])
+    points = read_model(tmp_path / said["ply_file_path"], "mm").points
     assert np.allclose(points, CLOUD.points / 1000, rtol=2**-23)
     for frame, device in zip(said["frames"], (CAMERA, PROJECTOR), strict=True):
         world_from_view = np.array(frame["transform_matrix"])

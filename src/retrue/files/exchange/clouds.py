@@ -1,6 +1,6 @@
 """Clouds as other programs take them: PCD, XYZ, E57 and NPZ. Each function gives the bytes of a file.
 
-PCD   version 0.7 of the Point Cloud Library, binary: x y z, packed rgb, normals; the rig's unit, in a comment
+PCD   version 0.7 of the Point Cloud Library, binary: x y z, packed rgb, normals, sigma; the rig's unit, in a comment
 XYZ   text, a point a line: x y z red green blue; the rig's unit, which the format cannot name
 E57   ASTM E2807, one scan: metres, single precision, colours; needs pye57, `pip install "retrue[e57]"`
 NPZ   NumPy's archive: every array of the cloud by its name, exact, and `unit`; the rig's unit
@@ -21,7 +21,7 @@ from retrue.geometry.arrays import FloatArray
 from retrue.reconstruction.cloud import Cloud
 from retrue.units import metres_per
 
-ARRAYS = ("points", "colors", "camera_px", "cells", "normals")
+ARRAYS = ("points", "colors", "camera_px", "cells", "normals", "sigma")
 
 
 def pcd_bytes(cloud: Cloud) -> bytes:
@@ -34,6 +34,8 @@ def pcd_bytes(cloud: Cloud) -> bytes:
     columns.append(("rgb", (red << 16 | green << 8 | blue).view(np.float32)))
     if cloud.normals is not None:
         columns += [(f"normal_{name}", cloud.normals[:, axis]) for axis, name in enumerate("xyz")]
+    if cloud.sigma is not None:
+        columns.append(("sigma", cloud.sigma))
     table = np.empty(len(cloud), [(name, "<f4") for name, _ in columns])
     for name, column in columns:
         table[name] = column

@@ -1,0 +1,1 @@
+"""What a cloud says of itself, beside the truth of rendered scenes."""

@@ -1,0 +1,141 @@
+"""Scenes of known shape at several distances, the pictures that a rig takes of them, and where points truly lie."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from retrue.correspondences import Correspondences
+from retrue.decoding.decode import decode
+from retrue.geometry.arrays import BoolArray, FloatArray, Image
+from retrue.geometry.camera import Camera
+from retrue.geometry.transform import RigidTransform
+from retrue.patterns.color_grid import ColorGrid, make_color_grid
+from retrue.patterns.gray_code import GrayCode
+from retrue.patterns.pattern import Pattern
+from retrue.patterns.phase_shift import make_phase_shift
+from retrue.rig import Rig
+from retrue.simulation.camera_model import CameraModel, gaussian_blur
+from retrue.simulation.light_transport import find_transport
+from retrue.simulation.scene import Scene, look, pixel_grid
+from retrue.simulation.surfaces import Box, Paint, Sphere, Surface, Wall
+
+PROJECTOR_SIZE = (1024, 768)
+DISTANCES = (600.0, 900.0, 1300.0)  # mm
+EDGE_PX = 6.0
+"""Camera pixels from a jump of depth within which a point lies beside an edge."""
+JUMP = 0.01  # of the depth
+BLUR_PX = 0.6
+
+PATTERNS: dict[str, Callable[[], Pattern]] = {
+    "color grid": lambda: make_color_grid(PROJECTOR_SIZE),
+    "gray code": lambda: GrayCode(PROJECTOR_SIZE),
+    "sines": lambda: make_phase_shift(PROJECTOR_SIZE, 16.0, 4),
+}
+
+
+@dataclass(frozen=True, eq=False)
+class Shot:
+    """A capture of a scene, decoded.
+
+    Attributes
+    ----------
+    rig : as it truly stands.
+    points : as decoded.
+    pictures : as taken: of a grid its picture, a black and a white one.
+    distance : of the scene's middle.
+    """
+
+    rig: Rig
+    scene: Scene
+    pattern: Pattern
+    pictures: list[Image]
+    points: Correspondences
+    distance: float
+
+
+def make_rig(size: tuple[int, int]) -> Rig:
+    """In mm, with lenses; its views meet at 900."""
+    f = 1.15 * size[0]
+    camera = Camera(
+        size, [[f, 0, size[0] / 2 - 3.3], [0, f, size[1] / 2 + 2.1], [0, 0, 1]], [-0.08, 0.03, 2e-4, -3e-4, 0]
+    )
+    projector = Camera(PROJECTOR_SIZE, [[1500, 0, 520.0], [0, 1505, 400.0], [0, 0, 1]], [0.02, -0.02, 0, 1e-4, 0])
+    pose = RigidTransform.from_rotation_vector([0.02, 0.24, -0.01], [-230.0, 12.0, 25.0])
+    return Rig(camera, projector, pose, unit="mm")
+
+
+def make_scene(rng: np.random.Generator, distance: float, paint: Paint | None = None) -> Scene:
+    """A leaning wall, and before it balls and boxes."""
+    w = distance / 1.15
+
+    def place(z: float) -> FloatArray:
+        return np.array([*(rng.uniform(-0.34, 0.34, 2) * [w, 0.75 * w]), distance * z])
+
+    things: list[Surface] = [Wall.facing(1.12 * distance, rng.uniform(-0.25, 0.25, 3), paint or Paint())]
+    for _ in range(3):
+        things.append(Sphere(place(0.95), w * rng.uniform(0.06, 0.13), paint or Paint(tuple(rng.uniform(0.5, 0.9, 3)))))
+        turn = RigidTransform.from_rotation_vector(rng.uniform(-0.8, 0.8, 3), place(0.95))
+        half = tuple((w * rng.uniform(0.05, 0.11, 3)).tolist())
+        things.append(Box(turn, half, paint or Paint(tuple(rng.uniform(0.5, 0.9, 3)))))
+    return Scene(things, (0.04, 0.04, 0.04), bright_at=distance)
+
+
+def take(rig: Rig, scene: Scene, pattern: Pattern, distance: float, seed: int, noise: float = 1.0) -> Shot:
+    """The pictures, with shot noise of `noise` times that of 10 000 electrons and vignetting, decoded."""
+    transport = find_transport(rig, scene)
+    model = CameraModel(electrons=10_000.0 / noise**2, read_noise=5.0, vignetting=0.1, blur_px=0.0)
+    grid = isinstance(pattern, ColorGrid)
+    if grid:
+        shown = [pattern.render(), *(np.full((*PROJECTOR_SIZE[::-1], 3), level, np.uint8) for level in (0, 255))]
+    else:
+        shown = [np.repeat(picture[..., None], 3, axis=2) for picture in pattern.render()]
+    pictures: list[Image] = []
+    for number, picture in enumerate(shown):
+        light = gaussian_blur(transport.light(picture).astype(np.float64), BLUR_PX)
+        taken = model.picture(light, 1000 * seed + number)
+        pictures.append(taken if grid else np.ascontiguousarray(taken[..., 1]))
+    return Shot(rig, scene, pattern, pictures, decode(pattern, pictures[0] if grid else pictures), distance)
+
+
+def true_points(shot: Shot, camera_px: FloatArray) -> FloatArray:
+    """(N, 3) of the surface that the rays of camera pixels meet; NaN where there is none."""
+    depth = look(shot.rig, shot.scene, camera_px[None]).depth[0]
+    rays = shot.rig.camera.unproject(camera_px)
+    return np.column_stack([rays, np.ones(len(rays))]) * depth[:, None]
+
+
+def true_points_of_projector(shot: Shot, projector_px: FloatArray) -> FloatArray:
+    """(N, 3) of the first surface that the projector's rays meet, in the camera frame."""
+    rays = shot.rig.projector.unproject(projector_px)
+    back = shot.rig.projector_from_camera.inverse()
+    direction = np.column_stack([rays, np.ones(len(rays))]) @ back.R.T
+    nearest = np.full(len(rays), np.inf)
+    for surface in shot.scene.surfaces:
+        nearest = np.minimum(nearest, surface.hit(back.t, direction)[0])
+    return back.t + np.where(np.isfinite(nearest), nearest, np.nan)[:, None] * direction
+
+
+def beside_edges(shot: Shot, camera_px: FloatArray) -> BoolArray:
+    """(N,) within `EDGE_PX` of where depth jumps, light ends or surfaces meet."""
+    from scipy import ndimage
+
+    width, height = shot.rig.camera.size
+    seen = look(shot.rig, shot.scene, pixel_grid(np.arange(height), np.arange(width)))
+    jump = np.zeros((height, width), bool)
+    for axis in (0, 1):
+        depth = np.nan_to_num(seen.depth)
+        step = np.abs(np.diff(depth, axis=axis)) > JUMP * np.minimum(*_pair(depth, axis))
+        step |= np.diff(seen.visible.astype(int), axis=axis) != 0
+        there = [slice(None), slice(None)]
+        there[axis] = slice(None, -1)
+        jump[tuple(there)] |= step
+    far = ndimage.distance_transform_edt(~jump)
+    column, row = np.clip(np.rint(camera_px).astype(int), 0, np.array([width, height]) - 1).T
+    return far[row, column] < EDGE_PX
+
+
+def _pair(values: FloatArray, axis: int) -> tuple[FloatArray, FloatArray]:
+    return (values[:-1], values[1:]) if axis == 0 else (values[:, :-1], values[:, 1:])

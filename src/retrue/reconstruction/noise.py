@@ -1,0 +1,196 @@
+"""What a capture's points err by themselves, per pixel, measured on the capture itself.
+
+Decoders say how sure one point is beside another, and often how sure it is; whether that is so, two families of
+residuals tell. Rays miss each other ACROSS the epipolar line by nothing but noise, at every point. ALONG it, where an
+error is one of depth, points scatter about the smooth surface that they lie on, where it is smooth. So across the line
+it is measured how the noise goes with the decoder's own sigma, and how it grows at the rim of a surface, where
+a pixel sees two; and from both, over the same windows of the capture's grid, how much more or less there is along it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from math import erf, erfc, exp, pi
+from typing import Any, cast
+
+import numpy as np
+
+from retrue.correspondences import Correspondences
+from retrue.geometry.arrays import BoolArray, FloatArray, IntArray
+from retrue.reconstruction.sensitivity import miss_by_pixels, point_by_pixels
+from retrue.reconstruction.surface_grid import SurfaceGrid
+from retrue.rig import Rig
+
+HALF = 0.6745
+"""Median size of a normal number."""
+CLIPPED = 2.0
+CLIPPED_SQUARE = (
+    erf(CLIPPED / 2**0.5) - CLIPPED * (2 / pi) ** 0.5 * exp(-(CLIPPED**2) / 2) + CLIPPED**2 * erfc(CLIPPED / 2**0.5)
+)
+"""Mean square of normal numbers that are clipped there."""
+ROUNDS = 8
+PER_LEVEL = 250  # points that tell the noise at one size of the decoder's sigma
+MOST_LEVELS = 12
+BELIEF = 2.0  # points that the decoder's own word counts as
+SMALLEST = 1e-6  # of the stated sigma: made up of exact numbers
+RIM = 3  # cells from the rim of a surface that are looked at one by one
+WINDOWS_PER_SIDE = 24
+SMALLEST_WINDOW = 12  # cells: in fewer, what is left of a curved surface by a quadric is not small beside its noise
+LEAST_FILLED = 0.9
+FEWEST_WINDOWS = 10
+MOST_WINDOWS = 600
+QUADRIC = 6
+BLOCK = 1 << 15
+
+
+def point_noise(
+    rig: Rig, points: Correspondences, X: FloatArray, residual_px: FloatArray, grid: SurfaceGrid | None
+) -> tuple[FloatArray, FloatArray] | None:
+    """One sigma (N,) per axis of the camera's and of the projector's pixels; None where nothing tells.
+
+    Parameters
+    ----------
+    points : N, kept all.
+    X : (N, 3) where they lie.
+    residual_px : (N,) by which their rays miss each other; NaN or 0 of one coordinate.
+    grid : of X; None where the points have none.
+    """
+    stated = points.camera_sigma_px is not None or points.projector_sigma_px is not None
+    camera, projector = stated_sigmas(points)
+    across, along = _sigmas_of_residuals(rig, points, X, camera, projector)
+    both = len(points.axes) == 2
+    level = np.ones(len(X))
+    if both:
+        level = _levels(np.hypot(camera, projector), residual_px / across, BELIEF if stated else 0.0)
+        if grid is not None:
+            level = level * _rim_levels(residual_px / (across * level), _cells_from_rim(grid, len(X)))
+    if grid is not None:
+        seen = residual_px / (across * level) if both else None
+        found = _along_over_across(X, along * level, seen, grid)
+        stated |= found is not None
+        level = level * (found or 1.0)
+    return (camera * level, projector * level) if both or stated else None
+
+
+def stated_sigmas(points: Correspondences) -> tuple[FloatArray, FloatArray]:
+    """(N,) of each device: as stated; a device that nothing is said of is exact, or as noisy where neither is named."""
+    given = points.camera_sigma_px, points.projector_sigma_px
+    if given[0] is None and given[1] is None:
+        return np.ones(len(points)), np.ones(len(points))
+    camera, projector = (np.zeros(len(points)) if sigma is None else np.abs(sigma) for sigma in given)
+    total = np.hypot(camera, projector)
+    known = np.isfinite(total) & (total > 0)
+    usual = [float(np.median(sigma[known])) if known.any() else 1.0 for sigma in (camera, projector)]
+    return np.where(known, camera, usual[0]), np.where(known, projector, usual[1])
+
+
+def _sigmas_of_residuals(
+    rig: Rig, points: Correspondences, X: FloatArray, camera: FloatArray, projector: FloatArray
+) -> tuple[FloatArray, FloatArray]:
+    """What these sigmas make of the distance across the epipolar line (NaN of one coordinate), and of 1 / Z."""
+    across, along = np.full(len(X), np.nan), np.empty(len(X))
+    for first in range(0, len(X), BLOCK):
+        part = slice(first, first + BLOCK)
+        variances = np.stack([camera[part] ** 2] * 2 + [projector[part] ** 2] * len(points.axes), axis=1)
+        depth = point_by_pixels(rig, X[part], points.axes)[:, 2]
+        along[part] = np.sqrt((depth**2 * variances).sum(axis=1)) / X[part, 2] ** 2
+        if len(points.axes) == 2:
+            across[part] = np.sqrt((miss_by_pixels(rig, X[part]) ** 2 * variances).sum(axis=1))
+    return across, along
+
+
+def _levels(stated: FloatArray, z: FloatArray, belief: float) -> FloatArray:
+    """(N,) true over stated sigma, as a function of the stated one: that of equal parts of the points, in between
+    interpolated; z (N,) are residuals in stated sigmas."""
+    told = np.flatnonzero(np.isfinite(z))
+    if not len(told):
+        return np.ones(len(z))
+    order = told[np.argsort(stated[told], kind="stable")]
+    parts = np.array_split(order, int(np.clip(len(order) // PER_LEVEL, 1, MOST_LEVELS)))
+    sizes = np.log([float(np.median(stated[part])) for part in parts])
+    logs = np.log([_size(z[part], belief) for part in parts])
+    apart = np.append(True, np.diff(sizes) > 1e-9)
+    return np.exp(np.interp(np.log(stated), sizes[apart], logs[apart]))
+
+
+def _size(z: FloatArray, belief: float) -> float:
+    """Robust sigma of z, of which so many more points are believed to have 1.
+
+    Huber's proposal 2: the variance of z, clipped at `CLIPPED` sigmas, over that of normal numbers so clipped.
+    """
+    found = float(np.median(np.abs(z))) / HALF
+    for _ in range(ROUNDS):
+        found = float(np.sqrt(np.mean(np.minimum(z**2, (CLIPPED * found) ** 2)) / CLIPPED_SQUARE))
+    return float(max(found, SMALLEST) ** (len(z) / (len(z) + belief)))
+
+
+def _cells_from_rim(grid: SurfaceGrid, count: int) -> IntArray:
+    """(N,) how many cells each point lies from one that is not linked to all its four neighbours; at most `RIM`."""
+    height, width = grid.index.shape
+    inside = np.zeros((height, width), dtype=np.bool_)
+    inside[1:-1, 1:-1] = grid.right[1:-1, :-1] & grid.right[1:-1, 1:] & grid.down[:-1, 1:-1] & grid.down[1:, 1:-1]
+    cells = np.zeros((height, width), dtype=np.int64)
+    for _ in range(RIM):
+        cells += inside
+        inside = _eroded(inside)
+    found = np.zeros(count, dtype=np.int64)
+    found[grid.index[grid.index >= 0]] = cells[grid.index >= 0]
+    return found
+
+
+def _eroded(mask: BoolArray) -> BoolArray:
+    from scipy import ndimage
+
+    return cast("Any", ndimage).binary_erosion(mask, np.ones((3, 3)))
+
+
+def _rim_levels(z: FloatArray, cells: IntArray) -> FloatArray:
+    """(N,) how much more the points so many cells from the rim err than the others."""
+    level = np.ones(len(z))
+    for distance in range(RIM + 1):
+        there = (cells == distance) & np.isfinite(z)
+        if there.any():
+            level[cells == distance] = _size(z[there], BELIEF)
+    return level
+
+
+def _along_over_across(X: FloatArray, along: FloatArray, across: FloatArray | None, grid: SurfaceGrid) -> float | None:
+    """How many times as much noise there is along the epipolar lines as across them; None where too few windows tell.
+
+    `along` (N,) is the sigma of 1 / Z that is expected, `across` (N,) are residuals in their sigmas, None of one
+    coordinate. Both are freed of what is smooth over a window, so that what they lose of slow errors is alike.
+    """
+    scatter = np.array([_scatter(X, along, across, rows) for rows in _smooth_windows(grid)])
+    if len(scatter) < FEWEST_WINDOWS:
+        return None
+    found = np.median(scatter, axis=0)
+    return float(found[0] / found[1]) if found.min() > 0 else None
+
+
+def _smooth_windows(grid: SurfaceGrid) -> Iterator[IntArray]:
+    """Rows of the points in windows that hold one surface without a jump."""
+    height, width = grid.index.shape
+    side = max(height, width) // WINDOWS_PER_SIDE
+    if side < SMALLEST_WINDOW:
+        return
+    stride = max(side, int(np.sqrt(height * width / MOST_WINDOWS)))
+    for top in range(0, height - side + 1, stride):
+        for left in range(0, width - side + 1, stride):
+            rows, columns = slice(top, top + side), slice(left, left + side)
+            index = grid.index[rows, columns]
+            linked = grid.right[rows, left : left + side - 1].mean() + grid.down[top : top + side - 1, columns].mean()
+            if (index >= 0).mean() >= LEAST_FILLED and linked >= 2 * LEAST_FILLED:
+                yield index[index >= 0]
+
+
+def _scatter(X: FloatArray, along: FloatArray, across: FloatArray | None, rows: IntArray) -> tuple[float, float]:
+    """RMS about quadrics of the ray, in expected sigmas: of 1 / Z, and across; 1 where nothing is known of that."""
+    x, y = (X[rows, :2] / X[rows, 2:]).T
+    x, y = (x - x.mean()) / np.ptp(x), (y - y.mean()) / np.ptp(y)
+    terms = np.column_stack([np.ones_like(x), x, y, x * x, x * y, y * y])
+    seen = [1 / X[rows, 2]] if across is None else [1 / X[rows, 2], across[rows]]
+    values = np.column_stack(seen)
+    off = values - terms @ np.linalg.lstsq(terms, values, rcond=None)[0]
+    off[:, 0] /= along[rows]
+    rms: FloatArray = np.sqrt((off**2).sum(axis=0) / (len(rows) - QUADRIC))
+    return float(rms[0]), float(rms[-1]) if across is not None else 1.0

@@ -1,0 +1,140 @@
+"""How sure each point of a cloud is: what it errs by itself, and what all points share because the rig errs."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from typing import Literal
+
+import numpy as np
+
+from retrue.errors import InputError
+from retrue.geometry.arrays import BoolArray, FloatArray, IntArray, finite_array
+from retrue.reconstruction.sensitivity import LENS, POSE, RIG_NUMBERS, pixels_by_rig, point_by_pixels
+from retrue.rig import Rig
+from retrue.values import ByValue
+
+Errors = Literal["own", "common", "all"]
+BLOCK = 1 << 15  # points at a time: what fits into the processor's cache
+NEGLIGIBLE = 1e-12  # of the largest variance: a direction in which the rig is exact
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Uncertainty(ByValue):
+    """What the N points of a cloud rest on.
+
+    A point errs by itself, by the noise of its two pixels; and it errs with all others, since the rig that places them
+    is not exact. The first averages out over many points, the second never does.
+
+    Attributes
+    ----------
+    rig : that placed them.
+    axes : projector coordinates that were known, as `Correspondences.axes`.
+    camera_sigma_px, projector_sigma_px : (N,) one standard deviation per axis of each point's own noise; NaN of a
+        point that nobody measured.
+    """
+
+    rig: Rig
+    axes: tuple[int, ...]
+    camera_sigma_px: FloatArray
+    projector_sigma_px: FloatArray
+
+    def select(self, rows: IntArray | BoolArray) -> Uncertainty:
+        """The same of those points only."""
+        camera, projector = self.camera_sigma_px[rows], self.projector_sigma_px[rows]
+        return replace(self, camera_sigma_px=camera, projector_sigma_px=projector)
+
+    def along_rays(self, points: FloatArray) -> FloatArray:
+        """(N,) sigma of each point's own error along the camera's ray, in the rig's unit."""
+
+        def sigma(part: slice) -> FloatArray:
+            X = points[part]
+            ray = X / np.linalg.norm(X, axis=1, keepdims=True)
+            B = point_by_pixels(self.rig, X, self.axes)
+            return np.sqrt(((ray[:, None] @ B)[:, 0] ** 2 * self._variances(part)).sum(axis=1))
+
+        return _by_blocks(len(points), (), sigma)
+
+    def covariance(self, points: FloatArray, errors: Errors) -> FloatArray:
+        """(N, 3, 3) of points (N, 3), in the rig's unit squared."""
+
+        def of(part: slice) -> FloatArray:
+            total = np.zeros((len(points[part]), 3, 3))
+            if errors != "common":
+                B = point_by_pixels(self.rig, points[part], self.axes)
+                total += (B * self._variances(part)[:, None]) @ np.swapaxes(B, 1, 2)
+            if errors != "own":
+                shifts = self._shifts(points[part], root)
+                total += shifts @ np.swapaxes(shifts, 1, 2)
+            return total
+
+        root = covariance_root(rig_covariance(self.rig)) if errors != "own" else np.empty((RIG_NUMBERS, 0))
+        return _by_blocks(len(points), (3, 3), of)
+
+    def shifts(self, points: FloatArray) -> FloatArray:
+        """(N, 3, K) how far each of K independent errors of the rig, one sigma each, moves the points (N, 3)."""
+        root = covariance_root(rig_covariance(self.rig))
+        return _by_blocks(len(points), (3, root.shape[1]), lambda part: self._shifts(points[part], root))
+
+    def _shifts(self, points: FloatArray, root: FloatArray) -> FloatArray:
+        B = point_by_pixels(self.rig, points, self.axes)
+        return -B @ (pixels_by_rig(self.rig, points, self.axes) @ root)
+
+    def _variances(self, part: slice) -> FloatArray:
+        camera, projector = self.camera_sigma_px[part] ** 2, self.projector_sigma_px[part] ** 2
+        return np.stack([camera, camera, *(projector for _ in self.axes)], axis=1)
+
+
+def rig_covariance(rig: Rig) -> FloatArray:
+    """(14, 14) of the rig's numbers, as `sensitivity` names them; from its evidence, zero where that says nothing.
+
+    `rig_covariance` holds all of it, as `retrue calibrate` writes it. Else the pose's `covariance` (5, 5), the
+    `lens_covariance` (8, 8), and the relative `scale_sigma` of |t|, each as if it erred by itself.
+
+    Raises
+    ------
+    InputError : one of them is no covariance.
+    """
+    whole = rig.evidence.get("rig_covariance")
+    if whole is not None:
+        return _checked(whole, RIG_NUMBERS, "rig_covariance")
+    found = np.zeros((RIG_NUMBERS, RIG_NUMBERS))
+    for name, first, size in (("covariance", 0, POSE - 1), ("lens_covariance", POSE, 2 * LENS)):
+        stated = rig.evidence.get(name)
+        if stated is not None:
+            found[first : first + size, first : first + size] = _checked(stated, size, name)
+    scale = rig.evidence.get("scale_sigma")
+    if scale is not None:
+        found[POSE - 1, POSE - 1] = float(finite_array([scale], (1,), "rig evidence, scale_sigma")[0]) ** 2
+    return found
+
+
+def unstated(rig: Rig) -> tuple[str, ...]:
+    """Which of "pose", "lenses" and "scale" the rig says nothing of, so that they count as exact."""
+    if rig.evidence.get("rig_covariance") is not None:
+        return ()
+    keys = {"pose": "covariance", "lenses": "lens_covariance", "scale": "scale_sigma"}
+    return tuple(what for what, key in keys.items() if rig.evidence.get(key) is None)
+
+
+def covariance_root(covariance: FloatArray) -> FloatArray:
+    """(P, K) with S S^T = covariance (P, P), of as many columns as it has directions that vary."""
+    values, vectors = np.linalg.eigh(covariance)
+    kept = values > NEGLIGIBLE * max(float(values[-1]), 0.0)
+    return vectors[:, kept] * np.sqrt(values[kept])
+
+
+def _checked(value: object, size: int, name: str) -> FloatArray:
+    covariance = finite_array(value, (size, size), f"rig evidence, {name}")  # pyright: ignore[reportArgumentType]
+    values = np.linalg.eigvalsh(covariance)
+    if not values[0] >= -1e-9 * max(float(values[-1]), 0.0):
+        raise InputError(f"rig evidence, {name}: expected a covariance, found eigenvalues that are negative")
+    return (covariance + covariance.T) / 2
+
+
+def _by_blocks(count: int, row: tuple[int, ...], function: Callable[[slice], FloatArray]) -> FloatArray:
+    found = np.empty((count, *row))
+    for first in range(0, count, BLOCK):
+        part = slice(first, first + BLOCK)
+        found[part] = function(part)
+    return found

@@ -1,0 +1,132 @@
+"""How sure points are: against noise that is drawn, and rigs that are moved."""
+
+import numpy as np
+import pytest
+
+from retrue.correspondences import Correspondences
+from retrue.errors import InputError
+from retrue.reconstruction.reconstruct import reconstruct
+from retrue.reconstruction.sensitivity import RIG_NUMBERS, moved_rig
+from retrue.reconstruction.uncertainty import rig_covariance, unstated
+from retrue.rig import Rig
+from tests.reconstruction.scenes import RIG, scene
+
+STEP = np.array([1e-5] * 5 + [1e-4] + [1e-5, 1e-2, 1e-2, 1e-4] * 2)
+
+
+def seen(points, rng=None, camera=0.0, projector=0.0, **columns):
+    def noise(size):
+        return 0.0 if rng is None else rng.normal(size=(len(points), 2)) * np.asarray(size).reshape(-1, 1)
+
+    camera_px = RIG.camera.project(points)
+    projector_px = RIG.projector.project(RIG.projector_from_camera.apply(points))
+    return Correspondences(camera_px + noise(camera), projector_px + noise(projector), **columns)
+
+
+def with_evidence(**evidence):
+    return Rig(RIG.camera, RIG.projector, RIG.projector_from_camera, RIG.unit, evidence)
+
+
+def along(X, truth):
+    ray = truth / np.linalg.norm(truth, axis=1, keepdims=True)
+    return ((X - truth) * ray).sum(axis=1)
+
+
+@pytest.mark.parametrize("number", range(RIG_NUMBERS))
+def test_common_shifts_are_what_a_wrong_rig_does(number):
+    X = scene(16)[0]
+    points = seen(X)
+    variance = np.zeros((RIG_NUMBERS, RIG_NUMBERS))
+    variance[number, number] = STEP[number] ** 2
+    cloud = reconstruct(with_evidence(rig_covariance=variance.tolist()), points)
+    change = np.zeros(RIG_NUMBERS)
+    change[number] = STEP[number]
+    moved = reconstruct(moved_rig(RIG, change), points).points - reconstruct(RIG, points).points
+    (shift,) = np.moveaxis(cloud.common_shifts(), 2, 0)
+    shift *= np.sign(np.sum(shift * moved))
+    np.testing.assert_allclose(shift, moved, atol=2e-3 * np.abs(moved).max())
+    np.testing.assert_allclose(cloud.covariance("common"), shift[:, :, None] * shift[:, None], atol=1e-12)
+
+
+def test_own_errors_are_those_of_drawn_noise():
+    X = scene(16)[0]
+    stated = {"camera_sigma_px": np.full(len(X), 1.0), "projector_sigma_px": np.full(len(X), 2.0)}
+    clouds = [reconstruct(RIG, seen(X, np.random.default_rng(k), 0.05, 0.1, **stated)) for k in range(200)]
+    off = np.stack([cloud.points - X for cloud in clouds])
+    drawn = np.einsum("kni,knj->ij", off, off) / off[..., 0].size
+    expected = np.mean([cloud.covariance("own").mean(axis=0) for cloud in clouds], axis=0)
+    np.testing.assert_allclose(drawn, expected, atol=0.05 * np.abs(expected).max())
+    inside = np.mean([np.abs(along(cloud.points, X)) < cloud.sigma for cloud in clouds])
+    assert inside == pytest.approx(0.683, abs=0.01)
+
+
+@pytest.mark.parametrize("noise", [0.02, 0.2])
+def test_sigma_needs_no_word_of_the_decoder(noise):
+    X = scene(4)[0]
+    clouds = [reconstruct(RIG, seen(X, np.random.default_rng(seed), noise, noise)) for seed in range(5)]
+    off = np.stack([np.abs(along(cloud.points, X)) for cloud in clouds])
+    sigma = np.stack([cloud.sigma for cloud in clouds])
+    np.testing.assert_allclose([np.mean(off < k * sigma) for k in (1, 2, 3)], [0.683, 0.954, 0.997], atol=0.02)
+
+
+def test_a_decoder_that_states_half_of_its_noise_is_corrected():
+    X, _, cells, _ = scene(3)
+    rng = np.random.default_rng(4)
+    true = np.where(rng.random(len(X)) < 0.5, 0.03, 0.09)
+    cloud = reconstruct(RIG, seen(X, rng, 0.0, true, projector_sigma_px=true / 2, cells=cells))
+    rows = np.argmin(np.abs(cloud.camera_px[:, None] - RIG.camera.project(X)[None]).sum(axis=2), axis=1)
+    off = np.abs(along(cloud.points, X[rows]))
+    for size in (0.03, 0.09):
+        own = true[rows] == size
+        inside = [np.mean(off[own] < k * cloud.sigma[own]) for k in (1, 2, 3)]
+        np.testing.assert_allclose(inside, [0.683, 0.954, 0.997], atol=0.04)
+
+
+def test_one_coordinate_rests_on_what_its_decoder_states():
+    X = scene(4)[0]
+    rng = np.random.default_rng(5)
+    points = seen(X, rng, 0.0, 0.1, projector_sigma_px=np.full(len(X), 0.1))
+    columns = np.stack([points.projector_px[:, 0], np.full(len(X), np.nan)], axis=1)
+    one = Correspondences(points.camera_px, columns, projector_sigma_px=points.projector_sigma_px)
+    cloud = reconstruct(RIG, one)
+    truth = X[(points.camera_px[:, None] == cloud.camera_px).all(axis=2).argmax(axis=0)]
+    assert len(cloud) > 2000
+    assert np.mean(np.abs(along(cloud.points, truth)) < cloud.sigma) == pytest.approx(0.683, abs=0.03)
+    silent = reconstruct(RIG, Correspondences(points.camera_px, columns))
+    assert silent.sigma is None
+    with pytest.raises(InputError, match="no record of how sure"):
+        silent.covariance()
+
+
+def test_errors_add_up_and_follow_the_points():
+    X = scene(8)[0]
+    evidence = {"covariance": (1e-8 * np.eye(5)).tolist(), "scale_sigma": 1e-3}
+    cloud = reconstruct(with_evidence(**evidence), seen(X, np.random.default_rng(1), 0.1, 0.1))
+    own, common, both = (cloud.covariance(errors) for errors in ("own", "common", "all"))
+    np.testing.assert_allclose(own + common, both)
+    few = cloud.select(np.arange(0, len(cloud), 7))
+    np.testing.assert_allclose(few.covariance(), both[::7])
+    assert np.array_equal(few.sigma, cloud.sigma[::7])
+    with pytest.raises(InputError, match="errors: expected"):
+        cloud.covariance("others")
+
+
+def test_what_a_rig_does_not_say_is_named():
+    assert unstated(RIG) == ("pose", "lenses", "scale")
+    assert unstated(with_evidence(scale_sigma=0.01)) == ("pose", "lenses")
+    assert not rig_covariance(RIG).any()
+
+
+@pytest.mark.parametrize(
+    "evidence",
+    [
+        {"covariance": [[1.0]]},
+        {"covariance": (-np.eye(5)).tolist()},
+        {"lens_covariance": "none"},
+        {"rig_covariance": np.full((14, 14), np.nan).tolist()},
+        {"scale_sigma": "a lot"},
+    ],
+)
+def test_what_is_no_covariance_is_refused(evidence):
+    with pytest.raises(InputError, match="rig evidence"):
+        rig_covariance(with_evidence(**evidence))
