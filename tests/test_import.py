@@ -11,21 +11,23 @@ import pytest
 import retrue
 
 PUBLIC = [
-    "Accepted", "Board", "BoardCapture", "CadModel", "CadOptions", "Calibrated", "CalibrationOptions", "Camera",
-    "CaptureError", "Cloud", "ColorGrid", "Correspondences", "DamagedLine", "DegenerateError", "DeviceError",
-    "Evidence", "FileError", "FittedView", "Frame", "FrameSequence", "GrayCode", "History", "HistoryEntry",
-    "InputError", "KnownDistance", "LineGrid", "Lines", "LiveRig", "Mesh", "PlanarPose", "Plane", "PoseCandidate",
-    "PoseChange", "PoseSigma", "Reason", "RecalibrateOptions", "ReconstructOptions", "RecordOptions", "Recorder",
-    "Refused", "RefusedCalibration", "RetrueError", "RetrueWarning", "Rig", "RigidTransform", "RobustHomography",
-    "Setup", "SimulateOptions", "Simulated", "StereoCapture", "Verification", "VerifyOptions", "calibrate",
-    "cloud_picture", "decode", "epipolar_residuals", "fill_holes", "fit_homography", "fit_homography_robust",
-    "layout_sequence", "make_cad", "make_color_grid", "make_line_grid", "make_mesh", "make_rig",
-    "match_through_code", "parse_board", "parse_setup", "planar_pose_candidates", "planar_pose_candidates_batch",
+    "AcceptOptions", "Accepted", "Artefact", "Board", "BoardCapture", "CadModel", "CadOptions", "Calibrated",
+    "CalibrationOptions", "Camera", "CaptureError", "Cloud", "ColorGrid", "Correspondences", "DamagedLine",
+    "DegenerateError", "DeviceError", "Evidence", "FileError", "FittedView", "Frame", "FrameSequence", "GrayCode",
+    "History", "HistoryEntry", "InputError", "KnownDistance", "LineGrid", "Lines", "LiveRig", "MergeOptions",
+    "Mesh", "PlanarPose", "Plane", "PoseCandidate", "PoseChange", "PoseSigma", "Reason", "RecalibrateOptions",
+    "ReconstructOptions", "RecordOptions", "Recorder", "Refused", "RefusedCalibration", "RetrueError",
+    "RetrueWarning", "Rig", "RigidTransform", "RobustHomography", "Setup", "SimulateOptions", "Simulated",
+    "StereoCapture", "Verification", "VerifyOptions", "accept", "calibrate", "cloud_picture", "decode", "depth_map",
+    "epipolar_residuals", "fill_holes", "fit_homography", "fit_homography_robust", "layout_sequence", "make_cad",
+    "make_cloud", "make_color_grid", "make_line_grid", "make_mesh", "make_rig", "match_through_code", "merge",
+    "parse_artefact", "parse_board", "parse_setup", "planar_pose_candidates", "planar_pose_candidates_batch",
     "read_board_capture", "read_board_captures", "read_capture", "read_device", "read_folder", "read_history",
     "read_image", "read_pattern", "read_points", "read_rig", "read_stereo_captures", "recalibrate", "reconstruct",
-    "residual_picture", "roll_back", "simulate", "triangulate", "verify", "with_normals", "write_cloud",
-    "write_in_place", "write_mesh", "write_pattern", "write_png", "write_points", "write_report", "write_rig",
-    "write_step",
+    "residual_picture", "rig_views", "roll_back", "simulate", "triangulate", "verify", "warp", "warped_picture",
+    "with_normals", "write_bag", "write_cloud", "write_colmap", "write_depth_map", "write_in_place", "write_mesh",
+    "write_nerfstudio", "write_pattern", "write_png", "write_points", "write_report", "write_rig", "write_ros",
+    "write_st_map", "write_step", "write_warp_mesh",
 ]  # fmt: skip
 HEAVY = {"cv2", "scipy", "matplotlib", "tyro"}
 

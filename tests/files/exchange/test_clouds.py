@@ -6,6 +6,7 @@ import pytest
 import trimesh
 
 from retrue.errors import FileError, InputError
+from retrue.files.exchange.clouds import make_cloud
 from retrue.files.models import require_cloud_ending, write_cloud
 from retrue.reconstruction.cloud import Cloud
 from tests.files.exchange.rigs import wall
@@ -66,3 +67,28 @@ def test_e57_refuses_a_unit_of_unknown_length(tmp_path):
 def test_another_ending_is_refused_with_those_that_there_are(tmp_path):
     with pytest.raises(FileError, match=r"\.ply, \.pcd, \.xyz, \.e57, \.npz.*found \.las"):
         write_cloud(tmp_path / "cloud.las", CLOUD)
+
+
+def test_arrays_of_other_libraries_become_a_cloud_and_go_back():
+    made = make_cloud(CLOUD.points, CLOUD.colors / 255, CLOUD.normals, unit="mm")
+    assert np.array_equal(made.colors, CLOUD.colors)
+    assert np.array_equal(made.normals, CLOUD.normals)
+    other = trimesh.PointCloud(made.points, made.colors)
+    back = make_cloud(other.vertices, other.colors, [], unit="mm")  # trimesh's colours have an opacity too
+    assert np.array_equal(back.points, CLOUD.points)
+    assert np.array_equal(back.colors, CLOUD.colors)
+    assert back.normals is None
+
+
+@pytest.mark.parametrize(
+    ("arrays", "said"),
+    [
+        (([[0, 0]],), "points: expected shape N x 3"),
+        (([[0, 0, np.nan]],), "points: expected finite numbers"),
+        (([[0, 0, 1]], [[1, 2]]), "colors: expected 1 rows of three or more, found 1 x 2"),
+        (([[0, 0, 1]], None, [[0, 1]]), "normals: expected 1 rows of three, found 1 x 2"),
+    ],
+)
+def test_arrays_that_are_no_cloud_are_refused(arrays, said):
+    with pytest.raises(InputError, match=said):
+        make_cloud(*arrays, unit="mm")

@@ -15,13 +15,51 @@ from pathlib import Path
 from typing import Any, cast
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from retrue.errors import InputError
-from retrue.geometry.arrays import FloatArray
+from retrue.geometry.arrays import FloatArray, finite_array
 from retrue.reconstruction.cloud import Cloud
 from retrue.units import metres_per
 
+GREY = 128
 ARRAYS = ("points", "colors", "camera_px", "cells", "normals", "sigma")
+
+
+def make_cloud(
+    points: ArrayLike, colors: ArrayLike | None = None, normals: ArrayLike | None = None, *, unit: str
+) -> Cloud:
+    """A cloud from plain arrays, as Open3D, trimesh and others give them.
+
+    From Open3D `make_cloud(pcd.points, pcd.colors, pcd.normals, unit="mm")`, from trimesh `make_cloud(pc.vertices,
+    pc.colors, unit="mm")`; empty arrays stand for none. Back again the arrays are the cloud's own: `cloud.points`,
+    `cloud.colors` (over 255 for Open3D), `cloud.normals`.
+
+    Parameters
+    ----------
+    points : (N, 3). colors : (N, 3) or more columns, uint8, or floats from 0 to 1. normals : (N, 3).
+
+    Raises
+    ------
+    InputError : arrays of other shapes, or points that are not finite.
+
+    >>> make_cloud([[0, 0, 1500.0]], [[1.0, 0.5, 0.0]], unit="mm").colors.tolist()
+    [[255, 128, 0]]
+    """
+    places = finite_array(points, (None, 3), "points")
+    columns = np.asarray(colors if colors is not None else [])
+    if not columns.size:
+        columns = np.full((len(places), 3), GREY, np.uint8)
+    if columns.ndim != 2 or len(columns) != len(places) or columns.shape[1] < 3:
+        raise InputError(
+            f"colors: expected {len(places)} rows of three or more, found {' x '.join(map(str, columns.shape))}"
+        )
+    if columns.dtype.kind == "f":
+        columns = np.round(np.clip(np.nan_to_num(columns), 0, 1) * 255)
+    known = None if normals is None or not len(np.asarray(normals)) else np.asarray(normals, dtype=np.float64)
+    if known is not None and known.shape != places.shape:
+        raise InputError(f"normals: expected {len(places)} rows of three, found {' x '.join(map(str, known.shape))}")
+    return Cloud(places, columns[:, :3].astype(np.uint8), np.full((len(places), 2), np.nan), unit, normals=known)
 
 
 def pcd_bytes(cloud: Cloud) -> bytes:
