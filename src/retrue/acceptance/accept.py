@@ -168,7 +168,7 @@ class BeyondLimit(Reason):
     count: int
 
     def __str__(self) -> str:
-        return f"{counted(self.count, 'value')} beyond the limit, their uncertainty counted"
+        return f"{counted(self.count, 'value')} beyond the limit by more than the uncertainty"
 
 
 @dataclass(frozen=True, slots=True)
@@ -179,7 +179,9 @@ class NoDecision(Reason):
     missing: int
 
     def __str__(self) -> str:
-        parts = [f"{counted(self.straddling, 'value')} within its uncertainty of the limit"] * (self.straddling > 0)
+        parts = [f"{counted(self.straddling, 'value')} nearer to the limit than the uncertainty"] * (
+            self.straddling > 0
+        )
         parts += [f"nothing measured in {counted(self.missing, 'position')}"] * (self.missing > 0)
         return "; ".join(parts)
 

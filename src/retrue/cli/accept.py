@@ -185,12 +185,14 @@ def _report(answer: Acceptance) -> dict[str, Any]:
 def _text(answer: Acceptance) -> str:
     """A table of the values, in 80 columns."""
     from retrue.acceptance.accept import SYMBOLS
-    from retrue.shown import figures
+    from retrue.shown import counted, figures
 
     lines = [f"{answer.verdict}: {answer.reason}", f"{answer.artefact}, in {answer.unit}, U with k = 2"]
     wanted = answer.artefact.positions
     if len(answer.positions) < wanted:
-        lines.append(f"an interim check: {len(answer.positions)} positions, VDI/VDE 2634 part 2 asks for {wanted}")
+        lines.append(
+            f"an interim check: {counted(len(answer.positions), 'position')}, VDI/VDE 2634 part 2 asks for {wanted}"
+        )
     lines.append(f"  {'position':<28}{'':<4}{'':<8}{'value':>10}{'U':>9}{'limit':>9}  decision")
     for position in answer.positions:
         name = position.name if len(position.name) <= 27 else f"...{position.name[-24:]}"
