@@ -128,3 +128,14 @@ def test_dust_is_refused():
     dust = [Cloud(points, np.zeros((800, 3), np.uint8), np.zeros((800, 2)), "m") for points in places]
     with pytest.raises(DegenerateError, match="points on a surface"):
         merge(dust)
+
+
+def test_a_whole_object_is_no_view(turn, merged):
+    found = merge([turn[0][0], merged.cloud.select(np.flatnonzero(merged.cloud.points[:, 2] > 0))])
+    assert isinstance(found, RefusedMerge)
+    assert "before what that camera saw" in found.reason  # its far side lies behind nothing that a camera saw there
+
+
+def test_cells_finer_than_the_points_are_refused(turn):
+    with pytest.raises(InputError, match="cell: expected half of the points' distance or more"):
+        merge(turn[0][:2], MergeOptions(cell=1e-6))

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -17,7 +17,7 @@ from retrue.merging.graph import Adjusted, adjust, largest_group, tree_poses
 from retrue.merging.options import MergeOptions
 from retrue.merging.pairs import Pair, coarse_pose, fine_pair, require_libraries
 from retrue.merging.surface import Surface, make_surface, surface_mesh
-from retrue.merging.view import View, local_normals, make_view, usual_cell
+from retrue.merging.view import View, local_normals, make_view, require_points_for_view, usual_cell, usual_spacing
 from retrue.reconstruction.cloud import Cloud, Mesh
 from retrue.shown import ShortRepr, Shown, counted, figures
 from retrue.values import ByValue
@@ -107,30 +107,40 @@ class RefusedMerge(ByValue, ShortRepr):
 
 @dataclass(frozen=True, slots=True)
 class NoCommonSurface(Reason):
-    """A view shows nothing that the others show."""
+    """A view shows nothing that the others show.
+
+    Attributes
+    ----------
+    best : the largest share of it, or of its neighbour, that lay on the other's surface.
+    contradicted : the share that then lay before what the other's camera saw.
+    """
 
     view: str
     best: float
+    contradicted: float
 
     def __str__(self) -> str:
-        return (
-            f"{self.view} was left out: at most {self.best:.0%} of it lies on another view's surface: "
-            "another object, or too far turned"
-        )
+        return f"{self.view} was left out: {_why(self.best, self.contradicted)}: another object, or too far turned"
 
 
 @dataclass(frozen=True, slots=True)
 class NothingInCommon(Reason):
-    """Of all views no two overlap."""
+    """Of all views no two overlap; see `NoCommonSurface`."""
 
     views: int
     best: float
+    contradicted: float
 
     def __str__(self) -> str:
         return (
-            f"no two of {self.views} views show a common surface: at most {self.best:.0%} of one lies on another; "
-            "take them with more overlap"
+            f"no two of {self.views} views show a common surface: {_why(self.best, self.contradicted)}; "
+            "take them with more overlap, each in its own camera's frame"
         )
+
+
+def _why(best: float, contradicted: float) -> str:
+    words = f"at most {best:.0%} of one lies on another's surface"
+    return words + (f", and {contradicted:.0%} before what that camera saw" if contradicted >= 0.005 else "")
 
 
 def merge(
@@ -166,25 +176,43 @@ def merge(
     require_libraries()
     names = tuple(names) or tuple(f"view {number}" for number in range(1, len(clouds) + 1))
     clouds = [cloud.select(np.flatnonzero(np.isfinite(cloud.points).all(axis=1))) for cloud in clouds]
-    cell = options.cell or usual_cell([cloud.points for cloud in clouds])
+    for name, cloud in zip(names, clouds, strict=True):
+        require_points_for_view(name, cloud.points)
+    cell = _cell(clouds, options)
     views = [_view(name, cloud, cell) for name, cloud in zip(names, clouds, strict=True)]
     tried: dict[tuple[int, int], Pair] = {}
     pairs = _ties(views, options, cell, tried, progress)
     group = largest_group(len(views), pairs)
     if len(group) < LEAST_IN_GROUP:
-        return RefusedMerge(NothingInCommon(len(views), max((pair.overlap for pair in tried.values()), default=0.0)))
+        return RefusedMerge(NothingInCommon(len(views), *_nearest_miss(tried.values())))
     inside = [pair for pair in pairs if pair.first in group]
     poses, _ = tree_poses(group, inside)
     neighbours = _neighbours(views, poses, options, cell)
     adjusted = adjust(views, poses, [(pair.first, pair.second) for pair in neighbours], cell)
     left_out = {
-        view: NoCommonSurface(
-            names[view], max((pair.overlap for key, pair in tried.items() if view in key), default=0.0)
-        )
+        view: NoCommonSurface(names[view], *_nearest_miss(pair for key, pair in tried.items() if view in key))
         for view in range(len(views))
         if view not in group
     }
     return _merged(clouds, views, adjusted, left_out, names)
+
+
+def _cell(clouds: Sequence[Cloud], options: MergeOptions) -> float:
+    if options.cell is None:
+        return usual_cell([cloud.points for cloud in clouds])
+    finest = min(usual_spacing(cloud.points) for cloud in clouds) / 2
+    if not options.cell >= finest:
+        raise InputError(
+            f"cell: expected half of the points' distance or more, {finest:.3g} {clouds[0].unit}, "
+            f"found {options.cell:g}"
+        )
+    return options.cell
+
+
+def _nearest_miss(pairs: Iterable[Pair]) -> tuple[float, float]:
+    """Overlap and contradiction of the pair that overlaps most."""
+    best = max(pairs, key=lambda pair: pair.overlap, default=None)
+    return (0.0, 0.0) if best is None else (best.overlap, best.contradicted)
 
 
 def _view(name: str, cloud: Cloud, cell: float) -> View:
@@ -322,14 +350,6 @@ def _merged(
         surface,
         spacing,
     )
-
-
-def usual_spacing(points: FloatArray) -> float:
-    """Median distance to the nearest point."""
-    from retrue.merging.view import neighbour_tree
-
-    distance, _ = neighbour_tree(points).query(points[:: max(1, len(points) // 2000)], 2)
-    return float(np.median(distance[:, 1]))
 
 
 def _pose_sigma(adjusted: Adjusted, place: int, middle: FloatArray) -> tuple[float, float]:

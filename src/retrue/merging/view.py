@@ -53,8 +53,14 @@ def neighbour_tree(points: FloatArray) -> Any:
 def usual_cell(clouds: list[FloatArray]) -> float:
     """A sixtieth of a view's size, but no less than the points' own distance."""
     sizes = [float(np.linalg.norm(np.ptp(np.quantile(points, (0.02, 0.98), axis=0), axis=0))) for points in clouds]
-    spacings = [_spacing(points) for points in clouds]
+    spacings = [usual_spacing(points) for points in clouds]
     return max(float(np.median(sizes)) / CELLS_PER_SIDE, 1.2 * float(np.median(spacings)))
+
+
+def require_points_for_view(name: str, points: FloatArray) -> None:
+    """A `DegenerateError` where a view has too few points to begin with."""
+    if len(points) < FEWEST_POINTS:
+        raise DegenerateError(f"{name}: merge: expected {FEWEST_POINTS} points on a surface, found {len(points)}")
 
 
 def make_view(points: FloatArray, sigma: FloatArray | None, cell: float) -> View:
@@ -64,8 +70,6 @@ def make_view(points: FloatArray, sigma: FloatArray | None, cell: float) -> View
     `sigma` (N,) is that along the ray; without it, noise grows as the square of depth. Raises `DegenerateError`
     where too few points, or none with neighbours on a surface, remain.
     """
-    if len(points) < FEWEST_POINTS:
-        raise DegenerateError(f"merge: expected {FEWEST_POINTS} points on a surface, found {len(points)}")
     along = sigma if sigma is not None and (sigma > 0).all() else points[:, 2] ** 2
     means = _thinned(points, cell)
     thin, normals, variance, near, flat = _patches(points, means)
@@ -137,7 +141,10 @@ def _prepared(points: FloatArray) -> Any:
     return cloud, tree
 
 
-def _spacing(points: FloatArray) -> float:
+def usual_spacing(points: FloatArray) -> float:
+    """Median distance to the nearest point; zero of fewer than two."""
+    if len(points) < 2:
+        return 0.0
     some = points[:: max(1, len(points) // 2000)]
     distance, _ = neighbour_tree(points).query(some, 2)
     return float(np.median(distance[:, 1]))
