@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -28,6 +28,8 @@ EDGE_PX = 6.0
 """Camera pixels from a jump of depth within which a point lies beside an edge."""
 JUMP = 0.01  # of the depth
 BLUR_PX = 0.6
+CAMERA = CameraModel(vignetting=0.1, blur_px=0.0, mixing=((0.94, 0.06, 0.0), (0.03, 0.94, 0.03), (0.0, 0.06, 0.94)))
+"""Without noise; `take` blurs the light itself."""
 
 PATTERNS: dict[str, Callable[[], Pattern]] = {
     "color grid": lambda: make_color_grid(PROJECTOR_SIZE),
@@ -86,8 +88,8 @@ def make_scene(rng: np.random.Generator, distance: float, paint: Paint | None = 
 def take(rig: Rig, scene: Scene, pattern: Pattern, distance: float, seed: int, noise: float = 1.0) -> Shot:
     """The pictures, with shot noise of `noise` times that of 10 000 electrons and vignetting, decoded."""
     transport = find_transport(rig, scene)
-    model = CameraModel(electrons=10_000.0 / noise**2, read_noise=5.0, vignetting=0.1, blur_px=0.0)
     grid = isinstance(pattern, ColorGrid)
+    model = replace(CAMERA, electrons=10_000.0 / noise**2, read_noise=5.0)
     if grid:
         shown = [pattern.render(), *(np.full((*PROJECTOR_SIZE[::-1], 3), level, np.uint8) for level in (0, 255))]
     else:

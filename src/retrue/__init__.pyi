@@ -78,6 +78,7 @@ from retrue.geometry.triangulation import triangulate as triangulate
 from retrue.merging.merge import merge as merge
 from retrue.merging.options import MergeOptions as MergeOptions
 from retrue.pages import write_report as write_report
+from retrue.pages import write_view as write_view
 from retrue.patterns.color_grid import ColorGrid as ColorGrid
 from retrue.patterns.color_grid import make_color_grid as make_color_grid
 from retrue.patterns.gray_code import GrayCode as GrayCode
@@ -102,12 +103,19 @@ from retrue.recalibration.verify import verify as verify
 from retrue.reconstruction.cloud import Cloud as Cloud
 from retrue.reconstruction.cloud import Mesh as Mesh
 from retrue.reconstruction.depth_map import depth_map as depth_map
+from retrue.reconstruction.error_by_distance import DistanceError as DistanceError
+from retrue.reconstruction.error_by_distance import error_by_distance as error_by_distance
 from retrue.reconstruction.holes import fill_holes as fill_holes
 from retrue.reconstruction.mesh import make_mesh as make_mesh
 from retrue.reconstruction.normals import with_normals as with_normals
 from retrue.reconstruction.options import ReconstructOptions as ReconstructOptions
 from retrue.reconstruction.reconstruct import epipolar_residuals as epipolar_residuals
 from retrue.reconstruction.reconstruct import reconstruct as reconstruct
+from retrue.reconstruction.scale import Scale as Scale
+from retrue.reconstruction.scale import scale_from_ball as scale_from_ball
+from retrue.reconstruction.scale import scale_from_ball_bar as scale_from_ball_bar
+from retrue.reconstruction.scale import scale_from_points as scale_from_points
+from retrue.reconstruction.scale import scaled_rig as scaled_rig
 from retrue.reconstruction.warp import warp as warp
 from retrue.report.pictures import cloud_picture as cloud_picture
 from retrue.report.pictures import residual_picture as residual_picture

@@ -15,8 +15,9 @@ from retrue.correspondences import Correspondences, require_captures
 from retrue.errors import InputError, require_kind, require_path
 from retrue.files.atomic import replaced_file
 from retrue.recalibration.result import Accepted, Refused, Verification
-from retrue.reconstruction.cloud import Cloud
+from retrue.reconstruction.cloud import Cloud, Mesh
 from retrue.report.page import Page, Provenance, page_html
+from retrue.report.space import model_page
 from retrue.rig import Rig, require_rig
 
 if TYPE_CHECKING:
@@ -55,6 +56,29 @@ def write_report(
     path = require_path(path, "write_report(path, result)")
     require_kind(result, Result.__args__, "result")
     write_page(path, _page(result, rig, captures, pictures, sizes), "retrue.write_report")
+
+
+def write_view(
+    path: str | PathLike[str], *models: Cloud | Mesh, rig: Rig | None = None, before: Cloud | None = None
+) -> None:
+    """Write clouds and meshes as a page to turn, measure and cut with the mouse; `before` is compared by a slider.
+
+    Parameters
+    ----------
+    path : the file to write; it loads nothing from anywhere.
+    models : in one unit and the camera frame.
+    rig : whose camera and projector are drawn too.
+    before : the same scene, as another rig had it.
+
+    Raises
+    ------
+    InputError : no model, or models in several units.
+    FileError : the file cannot be written.
+    """
+    path = require_path(path, "write_view(path, cloud)")
+    page = model_page(models, rig, before, path.stem)
+    with replaced_file(path) as stream:
+        stream.write(page.encode(errors="backslashreplace"))
 
 
 def write_page(path: Path, page: Page, command: str) -> None:

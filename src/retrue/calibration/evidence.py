@@ -18,6 +18,7 @@ from retrue.calibration.uncertainty import (
     normal_spread_deg,
     parameter_sigmas,
     pose_covariance,
+    rig_covariance,
 )
 from retrue.calibration.views import LeftOut
 from retrue.geometry.arrays import FloatArray
@@ -45,6 +46,7 @@ def gather_evidence(
 ) -> dict[str, Any]:
     """Everything that a reader needs to trust the rig, or not."""
     errors = rms_px(fit, views)
+    together = rig_covariance(fit, fixed)
     coverage = {name: _coverage(fit, views, device) for device, name in enumerate(DEVICES)}
     return {
         "method": "bundle adjustment over intrinsics, board poses and relative pose; dense points on the board's plane",
@@ -58,8 +60,9 @@ def gather_evidence(
         },
         "board": _board(fit, views, choices[-1]),
         "sigma": parameter_sigmas(fit),
-        "lens_covariance": lens_covariance(fit, fixed).tolist(),
-        "covariance": pose_covariance(fit).tolist(),
+        "lens_covariance": lens_covariance(together).tolist(),
+        "covariance": pose_covariance(together).tolist(),
+        "rig_covariance": together.tolist(),
         "predicted_error": {"rms": error.length, "at_distance": error.distance, "unit": unit},
         "regions_rms_px": {name: _regions(fit, views, device) for device, name in enumerate(DEVICES)},
         "coverage": coverage,

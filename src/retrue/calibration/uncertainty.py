@@ -15,6 +15,8 @@ from retrue.geometry.two_view import tangent_basis
 
 LENS = ("fx", "fy", "cx", "cy", "k1")
 """The intrinsics behind the four numbers of `lens_covariance`."""
+POSE = 6
+"""Numbers of the pose in `rig_covariance`: rotation, direction of t, and log |t|."""
 FLOOR = (1e-5, 1e-2, 1e-2, 1e-5)
 """Sigmas added to those numbers: no lens is known better, and the covariance stays positive definite."""
 STATED = (2e-3, 1.0, 1.0, 2e-3)
@@ -64,38 +66,41 @@ def parameter_sigmas(fit: Adjusted) -> dict[str, dict[str, float]]:
     }
 
 
-def lens_covariance(fit: Adjusted, fixed: Sequence[bool]) -> FloatArray:
-    """(8, 8) of log sqrt(fx fy), cx, cy in pixels, and k1, of the camera and then of the projector.
+def rig_covariance(fit: Adjusted, fixed: Sequence[bool]) -> FloatArray:
+    """(14, 14) of the pose (5), log |t|, and the lenses (8), with all that they share; everything else is free.
 
-    The marginal: everything else, the pose as well, is free. A k1 that was left out of the fit for not paying for
-    itself has the variance that the captures leave it; a lens that was `fixed` has `STATED`.
+    The pose in the parameters of `geometry.two_view.pose_covariance`: R <- exp([w]x) R as in `Setup`; of t <- t + v the
+    direction changes by B^T v / |t|, B its `tangent_basis`, and log |t| by t . v / |t|^2. Of each lens
+    log sqrt(fx fy), cx, cy in pixels, and k1. A k1 that was left out of the fit for not paying for itself has the
+    variance that the captures leave it; a lens that was `fixed` has `STATED`.
     """
-    setup = fit.setup
-    by_shared = np.zeros((8, setup.columns.shared))
-    stated = np.zeros(8)
+    setup, t = fit.setup, fit.setup.second_from_first.t
+    length, columns = np.linalg.norm(t), fit.setup.columns
+    by_shared = np.zeros((POSE + 8, columns.shared))
+    by_shared[:3, columns.rotation] = np.eye(3)
+    by_shared[3:5, columns.translation] = tangent_basis(t / length).T / length
+    by_shared[5, columns.translation] = t / length**2
+    variance = np.zeros(len(by_shared))
+    variance[POSE:] = np.tile(FLOOR, 2) ** 2
     for device, camera in enumerate(setup.devices):
-        own = slice(4 * device, 4 * device + 4)
+        own = slice(POSE + 4 * device, POSE + 4 * device + 4)
         if fixed[device]:
-            stated[own] = STATED
+            variance[own] += np.square(STATED)
             continue
         fx, fy = camera.K[0, 0], camera.K[1, 1]
-        columns = [setup.columns.intrinsic(device, name) for name in LENS]
-        by_shared[own, columns] = [[0.5 / fx, 0.5 / fy, 0, 0, 0], *np.eye(5)[2:]]
-    variance = np.tile(FLOOR, 2) ** 2 + stated**2
+        lens = [columns.intrinsic(device, name) for name in LENS]
+        by_shared[own, lens] = [[0.5 / fx, 0.5 / fy, 0, 0, 0], *np.eye(5)[2:]]
     return _symmetric(by_shared @ fit.covariance @ by_shared.T) + np.diag(variance)
 
 
-def pose_covariance(fit: Adjusted) -> FloatArray:
-    """(5, 5) of the pose, everything else free, in the parameters of `geometry.two_view.pose_covariance`.
+def lens_covariance(rig: FloatArray) -> FloatArray:
+    """(8, 8) of the lenses, the marginal of `rig_covariance`."""
+    return rig[POSE:, POSE:]
 
-    R <- exp([w]x) R as in `Setup`; of t <- t + v the direction changes by B^T v / |t|, B its `tangent_basis`.
-    """
-    columns, t = fit.setup.columns, fit.setup.second_from_first.t
-    length = np.linalg.norm(t)
-    by_shared = np.zeros((5, columns.shared))
-    by_shared[:3, columns.rotation] = np.eye(3)
-    by_shared[3:, columns.translation] = tangent_basis(t / length).T / length
-    return _symmetric(by_shared @ fit.covariance @ by_shared.T)
+
+def pose_covariance(rig: FloatArray) -> FloatArray:
+    """(5, 5) of the pose up to scale, the marginal of `rig_covariance`."""
+    return rig[: POSE - 1, : POSE - 1]
 
 
 def predicted_error(fit: Adjusted) -> PredictedError:

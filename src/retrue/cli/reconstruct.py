@@ -227,6 +227,12 @@ def _cloud_text(out: Path, report: dict[str, Any]) -> str:
     if report.get("point_spacing") is not None:
         noise = "unknown" if report["noise"] is None else f"{report['noise']:.3g} {report['unit']}"
         lines.append(f"  spacing of points {report['point_spacing']:.3g} {report['unit']}, noise of depth {noise}")
+    if report.get("sigma") is not None:
+        exact = ", ".join(report["taken_for_exact"])
+        common = f"{report['common_sigma']:.3g} {report['unit']} that all have in common"
+        if exact:
+            common = f"{common}; taken for exact: {exact}" if report["common_sigma"] else f"taken for exact: {exact}"
+        lines.append(f"  a point's own sigma {report['sigma']:.3g} {report['unit']} (median); {common}")
     return "\n".join(lines)
 
 

@@ -6,7 +6,9 @@ from typing import cast
 
 import cv2
 import numpy as np
+from numpy.typing import NDArray
 
+from retrue.decoding.light import around
 from retrue.errors import InputError
 from retrue.geometry.arrays import FloatArray, Image
 
@@ -42,6 +44,22 @@ def rgb(image: Image, name: str) -> Image:
     if image.ndim == 2 or image.shape[2] == 1:
         return np.repeat(image.reshape(*image.shape[:2], 1), 3, axis=2)
     raise InputError(f"{name}: expected three channels (red, green, blue), found {image.shape[2]}")
+
+
+def seen_levels(picture: Image, places_px: FloatArray, name: str) -> FloatArray:
+    """(N, 3) mean of the pixels about each place (N, 2), in the picture's own levels."""
+    return around(rgb(picture, name), places_px).mean(axis=1, dtype=np.float64)
+
+
+def seen_colors(picture: Image, places_px: FloatArray, name: str) -> NDArray[np.uint8]:
+    """(N, 3) the same in eight bits."""
+    return eight_bits(seen_levels(picture, places_px, name), picture)
+
+
+def eight_bits(levels: FloatArray, picture: Image) -> NDArray[np.uint8]:
+    """Levels of a picture, in 0 .. 255."""
+    full = float(np.iinfo(picture.dtype).max)
+    return np.clip(np.rint(levels * (255 / full)), 0, 255).astype(np.uint8)
 
 
 def _same_size(image: Image, other: Image, name: str) -> None:

@@ -178,6 +178,24 @@ class Posterior:
         follows = inverse @ self.information[np.ix_(own, lens)]
         return inverse[:, :POSE_PARAMETERS] * COVARIANCE_FACTOR + follows @ self.prior.lens.covariance @ follows.T
 
+    @property
+    def joint_covariance(self) -> FloatArray:
+        """(13, 13) of the pose and both lenses: lenses that are not free move the pose with them, see `covariance`."""
+        size = POSE_PARAMETERS + LENSES
+        joint = np.empty((size, size))
+        own, lens = self._parts
+        if self.prior.free:
+            pose_and_lenses = np.concatenate([np.arange(POSE_PARAMETERS), lens])
+            joint[:] = _inverse(self.information)[np.ix_(pose_and_lenses, pose_and_lenses)]
+        else:
+            cross = self.information[np.ix_(own, lens)]
+            follows = _inverse(self.information[np.ix_(own, own)])[:POSE_PARAMETERS] @ cross
+            joint[POSE_PARAMETERS:, POSE_PARAMETERS:] = self.prior.lens.covariance
+            joint[:POSE_PARAMETERS, POSE_PARAMETERS:] = -follows @ self.prior.lens.covariance
+            joint[POSE_PARAMETERS:, :POSE_PARAMETERS] = joint[:POSE_PARAMETERS, POSE_PARAMETERS:].T
+        joint[:POSE_PARAMETERS, :POSE_PARAMETERS] = self.covariance
+        return joint
+
     @cached_property
     def statistical_covariance(self) -> FloatArray:
         """(5, 5) of the pose, the lenses being exactly as they are."""

@@ -9,6 +9,7 @@ import numpy as np
 
 from retrue.correspondences import Correspondences, require_captures
 from retrue.errors import DegenerateError, require_kind
+from retrue.geometry.arrays import FloatArray
 from retrue.rasters import check_captures, picture_mirrored
 from retrue.recalibration.judge import Judgement, holds, judge, objection
 from retrue.recalibration.lens import LENS_PARAMETERS, changed_device
@@ -105,6 +106,7 @@ def _evidence(rig: Rig, judgement: Judgement, total: int, options: RecalibrateOp
         rivals=tuple(RivalReport(r.name, r.margin, r.points, r.light, r.move) for r in judgement.rivals),
         details={
             "covariance": covariance.tolist(),
+            "rig_covariance": _rig_covariance(answer.joint_covariance, rig, options).tolist(),
             "covariance_statistical": answer.statistical_covariance.tolist(),
             "sigma_statistical": _angles(sigma(answer.statistical_covariance)),
             "points_used": len(judgement.rays),
@@ -116,6 +118,18 @@ def _evidence(rig: Rig, judgement: Judgement, total: int, options: RecalibrateOp
             "planarity_px": float(np.hypot(fit.along_noise.level, fit.along_noise.shared)),
         },
     )
+
+
+def _rig_covariance(joint: FloatArray, rig: Rig, options: RecalibrateOptions) -> FloatArray:
+    """(14, 14) as a calibration writes it: of the pose (5), log |t| as the rig had it, and the lenses (8).
+
+    A known distance in the scene is taken for exact.
+    """
+    whole = np.insert(np.insert(joint, 5, 0.0, axis=0), 5, 0.0, axis=1)
+    if options.known_distance is None:
+        before = rig.evidence.get("rig_covariance")
+        whole[5, 5] = float(rig.evidence.get("scale_sigma", 0.0)) ** 2 if before is None else float(before[5][5])
+    return whole
 
 
 def _angles(known: PoseSigma) -> dict[str, float]:

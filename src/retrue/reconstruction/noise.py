@@ -4,12 +4,11 @@ Decoders say how sure one point is beside another, and often how sure it is; whe
 residuals tell. Rays miss each other ACROSS the epipolar line by nothing but noise, at every point. ALONG it, where an
 error is one of depth, points scatter about the smooth surface that they lie on, where it is smooth. So across the line
 it is measured how the noise goes with the decoder's own sigma, and how it grows at the rim of a surface, where
-a pixel sees two; and from both, over the same windows of the capture's grid, how much more or less there is along it.
+a pixel sees two; and from both, over the same steps of the capture's grid, how much more or less there is along it.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from math import erf, erfc, exp, pi
 from typing import Any, cast
 
@@ -34,12 +33,10 @@ MOST_LEVELS = 12
 BELIEF = 2.0  # points that the decoder's own word counts as
 SMALLEST = 1e-6  # of the stated sigma: made up of exact numbers
 RIM = 3  # cells from the rim of a surface that are looked at one by one
-WINDOWS_PER_SIDE = 24
-SMALLEST_WINDOW = 12  # cells: in fewer, what is left of a curved surface by a quadric is not small beside its noise
-LEAST_FILLED = 0.9
-FEWEST_WINDOWS = 10
-MOST_WINDOWS = 600
-QUADRIC = 6
+STEPS_PER_SIDE = 160  # of third differences, on the longer side of the grid: longer than neighbours err alike
+THIRD = np.array([1.0, -3.0, 3.0, -1.0])
+FEWEST_CHAINS = 100
+MOST_CHAINS = 200_000
 BLOCK = 1 << 15
 
 
@@ -155,42 +152,30 @@ def _rim_levels(z: FloatArray, cells: IntArray) -> FloatArray:
 
 
 def _along_over_across(X: FloatArray, along: FloatArray, across: FloatArray | None, grid: SurfaceGrid) -> float | None:
-    """How many times as much noise there is along the epipolar lines as across them; None where too few windows tell.
+    """How many times as much noise there is along the epipolar lines as across them; None where too few points tell.
 
     `along` (N,) is the sigma of 1 / Z that is expected, `across` (N,) are residuals in their sigmas, None of one
-    coordinate. Both are freed of what is smooth over a window, so that what they lose of slow errors is alike.
+    coordinate. Both are freed of what is smooth, by third differences over the grid, so that what they lose of slow
+    errors is alike: of a ball, of which a step covers a tenth of the radius, they leave a few thousandths of a step.
     """
-    scatter = np.array([_scatter(X, along, across, rows) for rows in _smooth_windows(grid)])
-    if len(scatter) < FEWEST_WINDOWS:
+    step = max(1, max(grid.index.shape) // STEPS_PER_SIDE)
+    chains = np.concatenate([_chains(grid.index, grid.right, step), _chains(grid.index.T, grid.down.T, step)])
+    if len(chains) < FEWEST_CHAINS:
         return None
-    found = np.median(scatter, axis=0)
-    return float(found[0] / found[1]) if found.min() > 0 else None
+    chains = chains[:: max(1, len(chains) // MOST_CHAINS)]
+    scale = np.sqrt((THIRD**2 * along[chains] ** 2).sum(axis=1))
+    depth = _size((1 / X[chains, 2]) @ THIRD / scale, 0)
+    if across is None:
+        return depth
+    miss = _size(across[chains] @ THIRD / np.linalg.norm(THIRD), 0)
+    return depth / miss if miss > SMALLEST else None
 
 
-def _smooth_windows(grid: SurfaceGrid) -> Iterator[IntArray]:
-    """Rows of the points in windows that hold one surface without a jump."""
-    height, width = grid.index.shape
-    side = max(height, width) // WINDOWS_PER_SIDE
-    if side < SMALLEST_WINDOW:
-        return
-    stride = max(side, int(np.sqrt(height * width / MOST_WINDOWS)))
-    for top in range(0, height - side + 1, stride):
-        for left in range(0, width - side + 1, stride):
-            rows, columns = slice(top, top + side), slice(left, left + side)
-            index = grid.index[rows, columns]
-            linked = grid.right[rows, left : left + side - 1].mean() + grid.down[top : top + side - 1, columns].mean()
-            if (index >= 0).mean() >= LEAST_FILLED and linked >= 2 * LEAST_FILLED:
-                yield index[index >= 0]
-
-
-def _scatter(X: FloatArray, along: FloatArray, across: FloatArray | None, rows: IntArray) -> tuple[float, float]:
-    """RMS about quadrics of the ray, in expected sigmas: of 1 / Z, and across; 1 where nothing is known of that."""
-    x, y = (X[rows, :2] / X[rows, 2:]).T
-    x, y = (x - x.mean()) / np.ptp(x), (y - y.mean()) / np.ptp(y)
-    terms = np.column_stack([np.ones_like(x), x, y, x * x, x * y, y * y])
-    seen = [1 / X[rows, 2]] if across is None else [1 / X[rows, 2], across[rows]]
-    values = np.column_stack(seen)
-    off = values - terms @ np.linalg.lstsq(terms, values, rcond=None)[0]
-    off[:, 0] /= along[rows]
-    rms: FloatArray = np.sqrt((off**2).sum(axis=0) / (len(rows) - QUADRIC))
-    return float(rms[0]), float(rms[-1]) if across is not None else 1.0
+def _chains(index: IntArray, right: BoolArray, step: int) -> IntArray:
+    """(M, 4) points at four places of a row, so many cells apart, between which the surface goes on without a jump."""
+    count = index.shape[1] - 3 * step
+    if count <= 0:
+        return np.empty((0, 4), dtype=np.int64)
+    linked = np.pad(np.cumsum(right, axis=1), ((0, 0), (1, 0)))
+    whole = linked[:, 3 * step :] - linked[:, :count] == 3 * step
+    return np.stack([index[:, k * step : k * step + count][whole] for k in range(4)], axis=1)

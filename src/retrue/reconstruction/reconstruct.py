@@ -16,15 +16,17 @@ from retrue.geometry.robust import MAD_TO_SIGMA
 from retrue.geometry.triangulation import sampson_distances, triangulate
 from retrue.rasters import check_rasters
 from retrue.reconstruction.cloud import Cloud
+from retrue.reconstruction.error_by_distance import common_sigma
 from retrue.reconstruction.noise import point_noise
 from retrue.reconstruction.one_coordinate import completed_projector_px
 from retrue.reconstruction.options import ReconstructOptions
 from retrue.reconstruction.pieces import find_strays
 from retrue.reconstruction.quantised import between_readings, quantisation_px
 from retrue.reconstruction.surface_grid import SurfaceGrid, surface_grid
-from retrue.reconstruction.uncertainty import Uncertainty
+from retrue.reconstruction.uncertainty import Uncertainty, unstated
 from retrue.rig import Rig, require_rig
 
+FEW = 500  # points that tell what all have in common
 FINEST_RESIDUAL_PX = 0.01  # rays that pass each other by less than this are no outliers, whatever the rest do
 
 
@@ -38,6 +40,10 @@ def reconstruct(rig: Rig, points: Correspondences, options: ReconstructOptions |
     Where one projector coordinate is known, the camera's ray meets the plane of that column or row, and what lies
     beyond the projector's picture is left out; no residual checks such points. Whole projector pixels, as of tools that
     do not read finer, are noticed, and put between their neighbours within half a pixel (`Cloud.card["quantised_px"]`).
+
+    Each point has its own `sigma`, measured on the capture itself; `Cloud.covariance` adds what the rig makes all
+    err by together. The card has the median of the one, the RMS of the other, both along the camera's ray, and names
+    what the rig's evidence says nothing of, so that it is `taken_for_exact`.
 
     Raises
     ------
@@ -96,8 +102,16 @@ def _with_sigma(
     noise = point_noise(rig, points, cloud.points, residual_px, grid)
     if noise is None:
         return cloud
-    uncertainty = Uncertainty(rig, points.axes, *noise)
-    return replace(cloud, sigma=uncertainty.along_rays(cloud.points), uncertainty=uncertainty)
+    known = Uncertainty(rig, points.axes, *noise)
+    few = np.arange(0, len(cloud), max(1, len(cloud) // FEW))
+    sigma = known.along_rays(cloud.points)
+    card = {
+        **cloud.card,
+        "sigma": float(np.nanmedian(sigma)),
+        "common_sigma": common_sigma(known.select(few), cloud.points[few]),
+        "taken_for_exact": list(unstated(rig)),
+    }
+    return replace(cloud, sigma=sigma, uncertainty=known, card=card)
 
 
 def _without_strays(cloud: Cloud, grid: SurfaceGrid) -> Cloud:
@@ -113,6 +127,13 @@ def _without_strays(cloud: Cloud, grid: SurfaceGrid) -> Cloud:
         "dropped_in_islands": int(strays.islands.sum()),
     }
     return replace(cloud.select(kept), card=card)
+
+
+def set_aside(rig: Rig, points: Correspondences, cloud: Cloud) -> Cloud:
+    """The points in front of both devices that `cloud`, made of the same, was made without; possibly none."""
+    everything = reconstruct(rig, points, ReconstructOptions(outlier_sigmas=1e12, keep_strays=True))
+    kept = set(map(tuple, cloud.camera_px.tolist()))
+    return everything.select(np.array([tuple(pixel) not in kept for pixel in everything.camera_px.tolist()], np.bool_))
 
 
 def epipolar_residuals(rig: Rig, points: Correspondences) -> FloatArray:

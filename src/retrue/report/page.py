@@ -78,7 +78,22 @@ class Tabs:
     kind: str = field(default="tabs", init=False)
 
 
-Block = Text | Table | Chart | Tabs
+@dataclass(frozen=True, slots=True, eq=False)
+class Space:
+    """Points, surfaces and devices in space, to turn, cut and measure.
+
+    Attributes
+    ----------
+    html : as `space_html` makes it.
+    caption : how to read it.
+    """
+
+    html: str
+    caption: str = ""
+    kind: str = field(default="space", init=False)
+
+
+Block = Text | Table | Chart | Tabs | Space
 
 
 @dataclass(frozen=True, slots=True)
@@ -134,11 +149,19 @@ def page_html(page: Page, provenance: Provenance) -> str:
         style=_asset("page.css"),
         script=_asset("page.js"),
         plotly=_packed_plotly() if _is_drawn(page) else "",
+        space=_space_assets(page),
     )
 
 
 def _is_drawn(page: Page) -> bool:
     return any(isinstance(block, Chart | Tabs) for section in page.sections for block in section.blocks)
+
+
+def _space_assets(page: Page) -> dict[str, str] | None:
+    """Style and script of drawings in space, where there are any."""
+    if not any(isinstance(block, Space) for section in page.sections for block in section.blocks):
+        return None
+    return {"style": _asset("space.css"), "script": _asset("space.js")}
 
 
 def _asset(name: str) -> str:

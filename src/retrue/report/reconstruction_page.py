@@ -6,11 +6,13 @@ import numpy as np
 
 from retrue.capture import Capture
 from retrue.reconstruction.cloud import Cloud
+from retrue.reconstruction.reconstruct import epipolar_residuals, set_aside
 from retrue.report.evidence_tables import detail_rows
 from retrue.report.lengths import pixels, shown_unit
-from retrue.report.page import Fact, Page, Section, Table
+from retrue.report.page import Fact, Page, Section, Space, Table
 from retrue.report.residual_section import median_residual, residual_section
-from retrue.report.scene import rig_scene
+from retrue.report.sigma_section import sigma_section
+from retrue.report.space import Layer, rig_lines, space_html
 from retrue.rig import Rig
 from retrue.shown import figures
 
@@ -36,6 +38,8 @@ def reconstruction_page(rig: Rig, capture: Capture, cloud: Cloud, *, faces: int 
     both = len(capture.points.axes) == 2  # nothing checks the rays of one coordinate
     if both:
         facts.append(Fact("Rays miss by (median)", pixels(median_residual(rig, [capture]))))
+    if cloud.sigma is not None:
+        facts.append(Fact("A point's own sigma", unit.text(float(np.nanmedian(cloud.sigma))), "median, along the ray"))
     if faces is not None:
         facts.insert(1, Fact("Faces", figures(faces)))
     return Page(
@@ -46,8 +50,9 @@ def reconstruction_page(rig: Rig, capture: Capture, cloud: Cloud, *, faces: int 
         f" {unit.text(far)} from the camera.",
         tuple(facts),
         (
-            Section("In space", "", (rig_scene(rig, cloud, unit),)),
+            Section("In space", "", (_in_space(rig, capture, cloud),)),
             *((residual_section({"With this rig": rig}, [capture]),) if both else ()),
+            *((sigma_section(cloud, rig, capture),) if cloud.sigma is not None else ()),
             Section(
                 "What was kept",
                 "One part in 200 at either end is left out of these sizes.",
@@ -55,3 +60,17 @@ def reconstruction_page(rig: Rig, capture: Capture, cloud: Cloud, *, faces: int 
             ),
         ),
     )
+
+
+def _in_space(rig: Rig, capture: Capture, cloud: Cloud) -> Space:
+    """The cloud, what was set aside in a colour of its own, and both devices."""
+    aside = set_aside(rig, capture.points, cloud)
+    residual = epipolar_residuals(rig, capture.points)
+    by_pixel = {tuple(pixel): k for k, pixel in enumerate(capture.points.camera_px.tolist())}
+    rows = np.array([by_pixel.get(tuple(pixel), -1) for pixel in cloud.camera_px.tolist()], dtype=np.int64)
+    layers = [Layer("points", cloud, np.where(rows >= 0, residual[rows], np.nan))]
+    if len(aside):
+        layers.append(Layer("set aside", aside, aside=True))
+    lines = rig_lines(rig, float(np.median(cloud.points[:, 2])))
+    caption = "Drag to turn, scroll to zoom, shift and drag to move; two clicks measure a distance."
+    return Space(space_html(layers, lines), caption)

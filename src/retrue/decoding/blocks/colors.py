@@ -56,8 +56,8 @@ def separate_colors(added: FloatArray, around: IntArray, palette: ArrayLike) -> 
     """
     palette = np.asarray(palette, dtype=np.float64) / 255.0
     centres = palette / np.maximum(palette.max(axis=0), 1e-9)
-    unmixing = _unmixing(np.maximum(added, 0.0), palette)
-    amounts = Colors(unmixing, centres).amounts(added)
+    unmixed = unmixing(np.maximum(added, 0.0), palette)
+    amounts = Colors(unmixed, centres).amounts(added)
     seen = amounts / np.maximum(local_level(amounts, around), 1e-9)
     for _ in range(ROUNDS):
         label, margin = _nearest(seen, centres)
@@ -66,10 +66,10 @@ def separate_colors(added: FloatArray, around: IntArray, palette: ArrayLike) -> 
         counts = np.bincount(member, minlength=len(centres) + 1)[:-1]
         moved = np.stack(sums, axis=-1) / np.maximum(counts, 1)[:, None]
         centres = np.where((counts >= 8)[:, None], moved, centres)
-    return Colors(unmixing, centres), *_nearest(seen, centres)
+    return Colors(unmixed, centres), *_nearest(seen, centres)
 
 
-def _unmixing(light: FloatArray, palette: FloatArray) -> FloatArray:
+def unmixing(light: FloatArray, palette: FloatArray) -> FloatArray:
     """Matrix from `light` (N, 3) to amounts of the projector's own red, green and blue.
 
     The chroma of all mixtures lies in the triangle of the three pure ones, so its corners are what red,

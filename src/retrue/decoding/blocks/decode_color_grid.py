@@ -9,6 +9,7 @@ import numpy as np
 from retrue.correspondences import Card, Correspondences
 from retrue.decoding.blocks.look import look
 from retrue.decoding.blocks.sight import GOOD_COUNT, MIRRORED, NOT_THIS, GridSight, advise
+from retrue.decoding.blocks.true_colors import true_colors
 from retrue.decoding.light import around, saturated
 from retrue.decoding.pictures import coverage, rgb, scene_light
 from retrue.geometry.arrays import Image
@@ -36,7 +37,8 @@ def decode_color_grid(
     -------
     Correspondences
         one point a block: the image of its centre, and that centre in the projector; `cells` are (row, column)
-        of the code. The card counts blocks, and tells their side, `block_px`.
+        of the code, `colors` those of the scene (`true_colors`). The card counts blocks, and tells their side,
+        `block_px`.
 
     Raises
     ------
@@ -46,7 +48,11 @@ def decode_color_grid(
     points = correspondences_of(inspect_color_grid(pattern, image, black, white))
     if points.card is not None and NOT_THIS in points.card.advice and _is_mirrored(pattern, image, black, white):
         points = replace(points, card=replace(points.card, advice=(MIRRORED,)))
-    return _with_light(points, image, black, white)
+    row, column = np.asarray(points.cells).reshape(-1, 2).T
+    places = np.full((len(pattern.code), len(pattern.code[0]), 2), np.nan)
+    places[row, column] = points.camera_px
+    colors = true_colors(pattern, places, image, black, white)[row, column]
+    return _with_light(replace(points, colors=colors), image, black, white)
 
 
 def inspect_color_grid(

@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
 from retrue.correspondences import Card, Correspondences
 from retrue.decoding.light import around, saturated
 from retrue.decoding.lines.look import look
 from retrue.decoding.lines.sight import LineSight, advise
-from retrue.decoding.pictures import coverage, rgb, scene_light
+from retrue.decoding.pictures import coverage, rgb, scene_light, seen_colors
 from retrue.errors import InputError
 from retrue.geometry.arrays import Image
 from retrue.patterns.line_grid import LineGrid
@@ -43,7 +45,8 @@ def decode_line_grid(
         where `image` is no picture at all, the other two are not of its size, or all lines of the
         pattern run one way.
     """
-    return correspondences_of(inspect_line_grid(pattern, image, black, white), rgb(image, "image"))
+    points = correspondences_of(inspect_line_grid(pattern, image, black, white), rgb(image, "image"))
+    return points if white is None else replace(points, colors=seen_colors(white, points.camera_px, "white"))
 
 
 def inspect_line_grid(

@@ -1,0 +1,379 @@
+"use strict";
+// Points, surfaces and devices in space, drawn by WebGL 2: one for pages of results, notebooks and `retrue view`.
+// Points come shuffled: the first n of them are an even thinning, and n is what this machine draws 20 times a second.
+
+const SLOWEST = 1000 / 24; // milliseconds a frame, while the view moves
+const MOST_AT_ONCE = 400000; // points a step, while a view at rest is filled in
+const LEAST_POINTS = 15000; // while the view moves; where even those take too long, pixels are coarser
+const CLICK_PX = 12;
+const MODES = { true: 0, height: 1, depth: 2, sigma: 3, residual: 4, normal: 5 };
+const METRES = { um: 1e-6, mm: 1e-3, cm: 1e-2, m: 1, in: 0.0254, ft: 0.3048 };
+
+const VERTEX = `#version 300 es
+in vec3 place; in vec3 tint; in vec2 known; in vec3 facing;
+uniform mat4 seen; uniform vec3 low, extent, cutLow, cutHigh; uniform int mode; uniform float size; uniform vec2 range;
+uniform vec4 only;
+out vec3 color; out vec3 at;
+vec3 scale(float t) {
+  t = clamp(t, 0.0, 1.0) * 4.0;
+  vec3 a = vec3(.17, .48, .71), b = vec3(.40, .76, .65), c = vec3(.96, .88, .54), d = vec3(.94, .54, .28), e = vec3(.70, .09, .17);
+  return t < 1.0 ? mix(a, b, t) : t < 2.0 ? mix(b, c, t - 1.0) : t < 3.0 ? mix(c, d, t - 2.0) : mix(d, e, t - 3.0);
+}
+void main() {
+  at = low + place * extent;
+  gl_Position = seen * vec4(at, 1.0);
+  gl_PointSize = size;
+  color = tint;
+  if (mode == 1) color = scale((-at.y - range.x) / (range.y - range.x));
+  if (mode == 2) color = scale((at.z - range.x) / (range.y - range.x));
+  if (mode == 3) color = known.x > 0.0 ? scale(known.x) : vec3(.6);
+  if (mode == 4) color = known.y > 0.0 ? scale(known.y) : vec3(.6);
+  if (mode == 5) color = dot(facing, facing) > .1 ? .5 + .5 * vec3(facing.x, -facing.y, -facing.z) : vec3(.6);
+  if (only.a > 0.0) color = only.rgb;
+  if (any(lessThan(at, cutLow)) || any(greaterThan(at, cutHigh))) gl_Position = vec4(2.0, 2.0, 2.0, 1.0);
+}`;
+const FRAGMENT = `#version 300 es
+precision highp float;
+in vec3 color; in vec3 at; out vec4 ink; uniform vec2 part; uniform int round; uniform int shaded;
+void main() {
+  if (gl_FragCoord.x < part.x || gl_FragCoord.x >= part.y) discard;
+  if (round == 1 && length(gl_PointCoord - .5) > .5) discard;
+  vec3 c = color;
+  if (shaded == 1) { vec3 n = normalize(cross(dFdx(at), dFdy(at))); c *= .55 + .45 * abs(n.z); }
+  ink = vec4(c, 1.0);
+}`;
+
+async function unpacked(text, Kind) {
+  const packed = Uint8Array.from(atob(text), (character) => character.charCodeAt(0));
+  const stream = new Blob([packed]).stream().pipeThrough(new DecompressionStream("gzip"));
+  return new Kind(await new Response(stream).arrayBuffer());
+}
+
+class Space {
+  static async open(root) {
+    const spec = JSON.parse(root.querySelector("script").textContent);
+    for (const layer of spec.layers) {
+      layer.place = await unpacked(layer.place, Uint16Array);
+      layer.tint = await unpacked(layer.tint, Uint8Array);
+      layer.known = await unpacked(layer.known, Uint8Array);
+      layer.facing = layer.facing && (await unpacked(layer.facing, Int8Array));
+      layer.faces = layer.faces && (await unpacked(layer.faces, Uint32Array));
+      layer.shown = true;
+    }
+    const space = new Space(root, spec);
+    space.draw();
+    return space;
+  }
+
+  constructor(root, spec) {
+    Object.assign(this, { root, spec, canvas: root.querySelector("canvas"), split: 0.5, clicks: [], budget: 100000, fineness: 1, mode: "true", unit: spec.unit });
+    this.gl = this.canvas.getContext("webgl2", { alpha: false, antialias: false, preserveDrawingBuffer: true });
+    if (!this.gl) throw new Error("WebGL 2 is switched off");
+    this.program = this.compiled();
+    this.low = spec.low; this.high = spec.high;
+    this.cut = { low: [...spec.low], high: [...spec.high] };
+    this.reset();
+    for (const layer of spec.layers) this.upload(layer);
+    this.lines = spec.lines.map((line) => this.uploadLine(line));
+    this.controls();
+    this.listen();
+    new ResizeObserver(() => this.draw()).observe(this.canvas);
+  }
+
+  reset() {
+    const middle = this.spec.middle, far = Math.hypot(...middle) || 1;
+    this.target = [...middle]; this.turn = [-0.35, -0.12]; this.distance = 0.85 * far;
+  }
+
+  compiled() {
+    const gl = this.gl, program = gl.createProgram();
+    for (const [kind, text] of [[gl.VERTEX_SHADER, VERTEX], [gl.FRAGMENT_SHADER, FRAGMENT]]) {
+      const shader = gl.createShader(kind);
+      gl.shaderSource(shader, text); gl.compileShader(shader);
+      if (!gl.getShaderParameter(shader, gl.COMPILE_STATUS)) throw new Error(gl.getShaderInfoLog(shader));
+      gl.attachShader(program, shader);
+    }
+    ["place", "tint", "known", "facing"].forEach((name, index) => gl.bindAttribLocation(program, index, name));
+    gl.linkProgram(program); gl.useProgram(program);
+    this.at = Object.fromEntries(["seen", "low", "extent", "cutLow", "cutHigh", "mode", "size", "range", "only", "part", "round", "shaded"].map((name) => [name, gl.getUniformLocation(program, name)]));
+    gl.enable(gl.DEPTH_TEST);
+    return program;
+  }
+
+  attribute(index, data, width, kind, normalized) {
+    const gl = this.gl;
+    if (!data) { gl.disableVertexAttribArray(index); gl.vertexAttrib3f(index, 0, 0, 0); return; }
+    gl.bindBuffer(gl.ARRAY_BUFFER, gl.createBuffer());
+    gl.bufferData(gl.ARRAY_BUFFER, data, gl.STATIC_DRAW);
+    gl.enableVertexAttribArray(index);
+    gl.vertexAttribPointer(index, width, kind, normalized, 0, 0);
+  }
+
+  upload(layer) {
+    const gl = this.gl;
+    layer.array = gl.createVertexArray(); gl.bindVertexArray(layer.array);
+    this.attribute(0, layer.place, 3, gl.UNSIGNED_SHORT, true);
+    this.attribute(1, layer.tint, 3, gl.UNSIGNED_BYTE, true);
+    this.attribute(2, layer.known, 2, gl.UNSIGNED_BYTE, true);
+    this.attribute(3, layer.facing, 3, gl.BYTE, true);
+    if (layer.faces) { gl.bindBuffer(gl.ELEMENT_ARRAY_BUFFER, gl.createBuffer()); gl.bufferData(gl.ELEMENT_ARRAY_BUFFER, layer.faces, gl.STATIC_DRAW); }
+    layer.count = layer.place.length / 3;
+  }
+
+  uploadLine(line) {
+    const gl = this.gl, array = gl.createVertexArray();
+    gl.bindVertexArray(array);
+    this.attribute(0, new Float32Array(line.places.flat()), 3, gl.FLOAT, false);
+    [1, 2, 3].forEach((index) => this.attribute(index, null));
+    return { ...line, array, count: line.places.length, shown: true };
+  }
+
+  matrix(width, height) {
+    // The camera looks along z, y down; turned about the target, then perspective.
+    const [a, b] = this.turn, [ca, sa, cb, sb] = [Math.cos(a), Math.sin(a), Math.cos(b), Math.sin(b)];
+    const rows = [[ca, 0, -sa], [-sa * sb, cb, -ca * sb], [sa * cb, sb, ca * cb]];
+    this.rows = rows;
+    const shift = rows.map((row) => -(row[0] * this.target[0] + row[1] * this.target[1] + row[2] * this.target[2]));
+    shift[2] += this.distance;
+    const f = 1.6, near = this.distance / 200, far = this.distance * 20 + 1;
+    const wide = width > height ? f * height / width : f, tall = width > height ? f : f * width / height;
+    const p = (far + near) / (far - near), q = (-2 * far * near) / (far - near);
+    const out = new Float32Array(16);
+    for (let column = 0; column < 4; column++) {
+      const value = (row) => (column < 3 ? rows[row][column] : shift[row]);
+      out[4 * column] = wide * value(0);
+      out[4 * column + 1] = -tall * value(1);
+      out[4 * column + 2] = p * value(2) + (column === 3 ? q : 0);
+      out[4 * column + 3] = value(2);
+    }
+    return out;
+  }
+
+  draw(moving = false) {
+    this.moving = moving; this.filled = 0;
+    if (this.waiting) return;
+    this.waiting = requestAnimationFrame((now) => { this.waiting = null; this.frame(now); });
+  }
+
+  frame() {
+    const gl = this.gl, ratio = Math.min(devicePixelRatio || 1, 1.5) * (this.moving ? this.fineness : 1), start = performance.now();
+    const width = Math.max(1, Math.round(this.canvas.clientWidth * ratio)), height = Math.max(1, Math.round(this.canvas.clientHeight * ratio));
+    if (this.canvas.width !== width || this.canvas.height !== height) { this.canvas.width = width; this.canvas.height = height; this.filled = 0; }
+    const first = this.filled, step = this.moving ? this.budget : Math.min(Math.max(this.budget, 20000), MOST_AT_ONCE);
+    this.seen = this.matrix(width, height);
+    gl.viewport(0, 0, width, height);
+    if (first === 0) { gl.clearColor(0.15, 0.17, 0.2, 1); gl.clear(gl.COLOR_BUFFER_BIT | gl.DEPTH_BUFFER_BIT); }
+    gl.uniformMatrix4fv(this.at.seen, false, this.seen);
+    gl.uniform3fv(this.at.cutLow, this.cut.low); gl.uniform3fv(this.at.cutHigh, this.cut.high);
+    gl.uniform2fv(this.at.range, this.mode === "height" ? [-this.high[1], -this.low[1]] : [this.low[2], this.high[2]]);
+    gl.uniform1f(this.at.size, Math.max(1, (this.canvas.clientWidth < 700 ? 1.6 : 2.0) * ratio));
+    const shown = this.spec.layers.filter((layer) => layer.shown), total = shown.reduce((sum, layer) => sum + layer.count, 0) || 1;
+    for (const layer of shown) {
+      const part = this.part(layer, width);
+      gl.uniform2fv(this.at.part, part);
+      gl.uniform3fv(this.at.low, layer.low); gl.uniform3fv(this.at.extent, layer.extent);
+      gl.uniform4fv(this.at.only, layer.aside ? [0.85, 0.3, 0.75, 1] : [0, 0, 0, 0]);
+      gl.uniform1i(this.at.mode, layer.aside ? 0 : MODES[this.mode]);
+      gl.uniform1i(this.at.shaded, layer.faces && this.mode === "true" ? 1 : 0);
+      gl.bindVertexArray(layer.array);
+      if (layer.faces) { if (first === 0) { gl.uniform1i(this.at.round, 0); gl.drawElements(gl.TRIANGLES, layer.faces.length, gl.UNSIGNED_INT, 0); } continue; }
+      gl.uniform1i(this.at.round, 1);
+      const share = layer.count / total, from = Math.min(Math.floor(first * share), layer.count), to = Math.min(Math.ceil((first + step) * share), layer.count);
+      if (to > from) gl.drawArrays(gl.POINTS, from, to - from);
+    }
+    if (first === 0) this.drawLines(width);
+    const pixel = new Uint8Array(4); gl.readPixels(0, 0, 1, 1, gl.RGBA, gl.UNSIGNED_BYTE, pixel); // waits for the picture
+    const end = performance.now(), since = start - (this.before ?? -1e9);
+    this.learn(Math.max(end - start, since < 500 && this.moved ? since : 0));
+    this.before = start; this.moved = this.moving;
+    this.filled = Math.min(first + step, total);
+    this.drawn = this.filled; this.total = total;
+    this.mark();
+    if (!this.moving && this.filled < total) this.waiting = requestAnimationFrame(() => { this.waiting = null; this.frame(); });
+  }
+
+  learn(milliseconds) {
+    this.frameTime = milliseconds;
+    if (!this.moving) return;
+    if (milliseconds > SLOWEST) {
+      if (this.budget <= LEAST_POINTS) this.fineness = Math.max(0.35, 0.85 * this.fineness);
+      this.budget = Math.max(LEAST_POINTS, Math.round(this.budget * Math.max(0.5, 0.9 * SLOWEST / milliseconds)));
+    } else if (milliseconds < 0.8 * SLOWEST) {
+      if (this.fineness < 1) this.fineness = Math.min(1, 1.05 * this.fineness);
+      else this.budget = Math.round(Math.min(1.15 * this.budget, 4e6));
+    }
+  }
+
+  part(layer, width) {
+    if (!this.compared || layer.aside) return [0, 1e9];
+    return layer.when === "before" ? [0, this.split * width] : layer.when === "after" ? [this.split * width, 1e9] : [0, 1e9];
+  }
+
+  drawLines() {
+    const gl = this.gl;
+    gl.uniform2fv(this.at.part, [0, 1e9]); gl.uniform1i(this.at.round, 0); gl.uniform1i(this.at.mode, 0); gl.uniform1i(this.at.shaded, 0);
+    gl.uniform3fv(this.at.low, [0, 0, 0]); gl.uniform3fv(this.at.extent, [1, 1, 1]);
+    gl.uniform3fv(this.at.cutLow, [-1e30, -1e30, -1e30]); gl.uniform3fv(this.at.cutHigh, [1e30, 1e30, 1e30]);
+    for (const line of this.lines.filter((one) => one.shown)) {
+      gl.uniform4fv(this.at.only, [...line.color, 1]);
+      gl.bindVertexArray(line.array); gl.drawArrays(gl.LINES, 0, line.count);
+    }
+  }
+
+  onScreen(at) {
+    const m = this.seen, w = m[3] * at[0] + m[7] * at[1] + m[11] * at[2] + m[15];
+    const x = (m[0] * at[0] + m[4] * at[1] + m[8] * at[2] + m[12]) / w, y = (m[1] * at[0] + m[5] * at[1] + m[9] * at[2] + m[13]) / w;
+    return [(x + 1) / 2 * this.canvas.clientWidth, (1 - y) / 2 * this.canvas.clientHeight, w];
+  }
+
+  place(layer, k) {
+    return [0, 1, 2].map((axis) => layer.low[axis] + layer.place[3 * k + axis] / 65535 * layer.extent[axis]);
+  }
+
+  // The point nearest to the eye among those within a few pixels of a click.
+  pick(x, y) {
+    let best = null;
+    for (const layer of this.spec.layers) {
+      if (!layer.shown) continue;
+      for (let k = 0; k < layer.count; k++) {
+        const at = this.place(layer, k);
+        if (at.some((value, axis) => value < this.cut.low[axis] || value > this.cut.high[axis])) continue;
+        const [sx, sy, depth] = this.onScreen(at), away = Math.hypot(sx - x, sy - y);
+        if (depth <= 0 || away > CLICK_PX) continue;
+        const cost = depth * (1 + 0.02 * away);
+        if (!best || cost < best.cost) best = { at, cost, sigma: this.sigma(layer, k) };
+      }
+    }
+    return best;
+  }
+
+  sigma(layer, k) {
+    const step = layer.known[2 * k], [low, high] = this.spec.ranges.sigma ?? [0, 0];
+    return step ? low * (high / low) ** ((step - 1) / 254) : 0;
+  }
+
+  click(x, y) {
+    const found = this.pick(x, y);
+    if (!found) return;
+    this.clicks = this.clicks.length === 2 ? [found] : [...this.clicks, found];
+    this.mark();
+  }
+
+  length(value) {
+    const known = this.spec.unit in METRES && this.unit in METRES;
+    const shown = known ? value * METRES[this.spec.unit] / METRES[this.unit] : value;
+    return `${Number(shown.toPrecision(4))} ${known ? this.unit : this.spec.unit}`;
+  }
+
+  mark() {
+    const overlay = this.root.querySelector("svg"), places = this.clicks.map((one) => this.onScreen(one.at));
+    overlay.innerHTML = places.map(([x, y]) => `<circle cx="${x}" cy="${y}" r="5"/>`).join("") + (places.length === 2 ? `<line x1="${places[0][0]}" y1="${places[0][1]}" x2="${places[1][0]}" y2="${places[1][1]}"/>` : "");
+    if (this.compared) overlay.innerHTML += `<line class="split" x1="${this.split * this.canvas.clientWidth}" y1="0" x2="${this.split * this.canvas.clientWidth}" y2="${this.canvas.clientHeight}"/>`;
+    const say = this.root.querySelector(".measured"), scale = this.root.querySelector(".truth");
+    scale.hidden = this.clicks.length < 2;
+    if (this.clicks.length === 1) say.textContent = "Click the other end.";
+    if (this.clicks.length === 2) {
+      const [a, b] = this.clicks, apart = Math.hypot(...a.at.map((value, axis) => value - b.at[axis])), sigma = Math.hypot(a.sigma, b.sigma);
+      say.textContent = `${this.length(apart)}${sigma ? ` ± ${this.length(sigma)}` : ""}`;
+      const truth = Number(scale.querySelector("input").value);
+      if (truth > 0) {
+        const factor = truth * (this.spec.unit in METRES && this.unit in METRES ? METRES[this.unit] / METRES[this.spec.unit] : 1) / apart;
+        say.textContent += `: lengths × ${factor.toPrecision(5)}${sigma ? ` ± ${(factor * sigma / apart).toPrecision(2)}` : ""}`;
+      }
+    } else if (!this.clicks.length) say.textContent = "Click two points to measure.";
+    Object.assign(this.root.dataset, { drawn: Math.round(this.drawn ?? 0), budget: this.budget, frame: (this.frameTime ?? 0).toFixed(1), distance: say.textContent });
+    this.bar();
+  }
+
+  bar() {
+    const bar = this.root.querySelector(".bar"), range = this.mode === "height" ? [-this.high[1], -this.low[1]] : this.mode === "depth" ? [this.low[2], this.high[2]] : this.spec.ranges[this.mode];
+    bar.hidden = !range;
+    if (!range) return;
+    const show = (value) => (this.mode === "residual" ? `${Number(value.toPrecision(2))} px` : this.length(value));
+    bar.querySelector(".least").textContent = show(range[0]); bar.querySelector(".most").textContent = show(range[1]);
+  }
+
+  controls() {
+    const find = (name) => this.root.querySelector(name), layers = this.spec.layers;
+    const modes = find(".mode"), units = find(".unit");
+    const known = { residual: this.spec.ranges.residual, sigma: this.spec.ranges.sigma, normal: layers.some((layer) => layer.facing) };
+    for (const option of [...modes.options]) if (option.value in known && !known[option.value]) option.remove();
+    modes.onchange = () => { this.mode = modes.value; this.draw(); };
+    units.innerHTML = (this.spec.unit in METRES ? Object.keys(METRES) : [this.spec.unit]).map((name) => `<option>${name}</option>`).join("");
+    units.value = this.spec.unit;
+    units.onchange = () => { this.unit = units.value; this.mark(); };
+    this.compared = layers.some((layer) => layer.when === "before") && layers.some((layer) => layer.when === "after");
+    find(".compare").hidden = !this.compared;
+    find(".compare input").oninput = (event) => { this.split = Number(event.target.value) / 100; this.draw(true); this.rest(); };
+    find(".truth input").oninput = () => this.mark();
+    for (const [axis, name] of [..."xyz"].entries()) {
+      const [from, to] = find(`.cut-${name}`).querySelectorAll("input");
+      const set = () => {
+        const at = (input) => this.low[axis] + Number(input.value) / 100 * (this.high[axis] - this.low[axis]);
+        this.cut.low[axis] = Number(from.value) === 0 ? -1e30 : at(from); this.cut.high[axis] = Number(to.value) === 100 ? 1e30 : at(to);
+        this.draw(true); this.rest();
+      };
+      from.oninput = to.oninput = set;
+      this.cut.low[axis] = -1e30; this.cut.high[axis] = 1e30;
+    }
+    const list = find(".layers");
+    for (const layer of [...layers, ...this.lines]) {
+      const label = document.createElement("label"), box = Object.assign(document.createElement("input"), { type: "checkbox", checked: true });
+      box.onchange = () => { layer.shown = box.checked; this.draw(); };
+      label.append(box, ` ${layer.name}${layer.of ? ` (${layer.of})` : ""}`);
+      label.style.setProperty("--own", layer.aside ? "#d94dbf" : layer.color ? `rgb(${layer.color.map((c) => Math.round(255 * c))})` : "transparent");
+      list.append(label);
+    }
+    find(".home").onclick = () => { this.reset(); this.draw(); };
+  }
+
+  rest() {
+    clearTimeout(this.resting);
+    this.resting = setTimeout(() => this.draw(), 160);
+  }
+
+  listen() {
+    const canvas = this.canvas, down = new Map();
+    let travelled = 0, apart = 0;
+    const at = (event) => { const box = canvas.getBoundingClientRect(); return [event.clientX - box.left, event.clientY - box.top]; };
+    canvas.onpointerdown = (event) => { canvas.setPointerCapture(event.pointerId); down.set(event.pointerId, at(event)); travelled = 0; apart = 0; };
+    canvas.onpointermove = (event) => {
+      const before = down.get(event.pointerId);
+      if (!before) return;
+      const now = at(event), [dx, dy] = [now[0] - before[0], now[1] - before[1]];
+      travelled += Math.abs(dx) + Math.abs(dy);
+      down.set(event.pointerId, now);
+      if (down.size === 2) {
+        const [p, q] = [...down.values()], width = Math.hypot(p[0] - q[0], p[1] - q[1]);
+        if (apart) this.distance *= apart / width;
+        apart = width;
+        this.pan(dx / 2, dy / 2);
+      } else if (event.shiftKey || event.buttons === 2) this.pan(dx, dy);
+      else { this.turn[0] += dx / 200; this.turn[1] = Math.min(1.5, Math.max(-1.5, this.turn[1] + dy / 200)); }
+      this.draw(true);
+    };
+    const up = (event) => {
+      if (!down.delete(event.pointerId)) return;
+      if (travelled < 4 && event.type === "pointerup") this.click(...at(event));
+      this.rest();
+    };
+    canvas.onpointerup = canvas.onpointercancel = up;
+    canvas.oncontextmenu = (event) => event.preventDefault();
+    canvas.addEventListener("wheel", (event) => { event.preventDefault(); this.distance *= Math.exp(event.deltaY / 900); this.draw(true); this.rest(); }, { passive: false });
+    canvas.onkeydown = (event) => {
+      const turn = { ArrowLeft: [-0.1, 0], ArrowRight: [0.1, 0], ArrowUp: [0, -0.1], ArrowDown: [0, 0.1] }[event.key], zoom = { "+": 0.9, "-": 1.1 }[event.key];
+      if (turn) this.turn = [this.turn[0] + turn[0], this.turn[1] + turn[1]];
+      if (zoom) this.distance *= zoom;
+      if (turn || zoom) { event.preventDefault(); this.draw(); }
+    };
+  }
+
+  pan(dx, dy) {
+    const step = this.distance / (0.8 * Math.min(this.canvas.clientWidth, this.canvas.clientHeight)) / 1;
+    for (let axis = 0; axis < 3; axis++) this.target[axis] -= 0.5 * step * (dx * this.rows[0][axis] + dy * this.rows[1][axis]);
+  }
+}
+
+for (const root of document.querySelectorAll(".space")) {
+  Space.open(root).then((space) => { root.space = space; root.dataset.ready = "yes"; }).catch((error) => { root.querySelector(".measured").textContent = `This browser cannot show it: ${error.message}`; });
+}

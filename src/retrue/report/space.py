@@ -1,0 +1,211 @@
+"""Clouds, meshes and devices in space, for a browser: one drawing for reports, notebooks and `retrue view`.
+
+Points travel as 16 bits a coordinate within the box of their layer, scalars as 8 bits on a scale of powers, all of it
+compressed; and shuffled, so that the first of them are an even thinning, which is what is drawn while the view moves.
+"""
+
+from __future__ import annotations
+
+import base64
+import gzip
+from collections.abc import Sequence
+from dataclasses import dataclass
+from html import escape
+from importlib.resources import files
+from typing import Any, Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from retrue.errors import InputError, require_kinds
+from retrue.geometry.arrays import FloatArray
+from retrue.geometry.camera import Camera
+from retrue.geometry.transform import RigidTransform
+from retrue.reconstruction.cloud import Cloud, Mesh
+from retrue.rig import Rig
+
+MOST_POINTS = 2_000_000  # of a page; more are thinned evenly, and the page says so
+STRAY_SHARE = 0.002  # of the points, at either end of each axis: strays must not shrink the rest
+FRUSTUM_SHARE = 0.16  # of the distance to the scene
+CAMERA_COLOR, PROJECTOR_COLOR = (0.43, 0.66, 1.0), (0.95, 0.6, 0.3)
+Vector = tuple[float, float, float]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Layer:
+    """Points or a surface to show.
+
+    Attributes
+    ----------
+    model : all layers of a page are in one unit and frame.
+    residual_px : (N,) by which the rays of each point miss each other; None where not known.
+    when : "before" and "after" are compared with a slider; "": always there.
+    aside : points that were set aside: shown in a colour of their own.
+    """
+
+    name: str
+    model: Cloud | Mesh
+    residual_px: FloatArray | None = None
+    when: Literal["", "before", "after"] = ""
+    aside: bool = False
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Line:
+    """Segments between places (2 N, 3), one after the other."""
+
+    name: str
+    places: FloatArray
+    color: Vector
+
+
+def rig_lines(rig: Rig, distance: float, name: str = "") -> list[Line]:
+    """The frusta of both devices, in the camera frame, for a scene at that distance."""
+    ends = ((rig.camera, RigidTransform.identity(), "camera", CAMERA_COLOR),)
+    ends += ((rig.projector, rig.projector_from_camera.inverse(), "projector", PROJECTOR_COLOR),)
+    return [
+        Line(f"{what} {name}".strip(), _frustum(device, pose, FRUSTUM_SHARE * distance), color)
+        for device, pose, what, color in ends
+    ]
+
+
+def space_html(layers: Sequence[Layer], lines: Sequence[Line] = (), label: str = "Points in space") -> str:
+    """The drawing as a piece of a page, without its script and style (`space_assets`).
+
+    Raises
+    ------
+    InputError : nothing to draw, or layers in several units.
+    """
+    import jinja2
+
+    environment = jinja2.Environment(autoescape=True)
+    environment.policies["json.dumps_kwargs"] = {"allow_nan": False, "separators": (",", ":")}
+    return environment.from_string(_asset("space.html.j2")).render(label=label, spec=_spec(layers, lines))
+
+
+def space_assets() -> tuple[str, str]:
+    """Style and script of all drawings on a page."""
+    return _asset("space.css"), _asset("space.js")
+
+
+def space_page(layers: Sequence[Layer], lines: Sequence[Line] = (), title: str = "retrue") -> str:
+    """The drawing as a page of its own, that loads nothing."""
+    style, script = space_assets()
+    return (
+        '<!doctype html><html lang="en"><head><meta charset="utf-8">'
+        '<meta http-equiv="Content-Security-Policy" content="default-src \'none\'; img-src data: blob:; '
+        "style-src 'unsafe-inline'; script-src 'unsafe-inline'\">"
+        '<meta name="viewport" content="width=device-width, initial-scale=1"><link rel="icon" href="data:,">'
+        f"<title>{escape(title)}</title><style>{_asset('page.css')}\n{style}\n"
+        "body{max-width:none;padding:1rem}.space canvas{height:calc(100vh - 12rem)}</style></head><body>"
+        f"<h1>{escape(title)}</h1>{space_html(layers, lines, title)}<script>{script}</script></body></html>"
+    )
+
+
+def model_page(models: Sequence[Cloud | Mesh], rig: Rig | None, before: Cloud | None, title: str) -> str:
+    """Models as a page of their own, with the devices of a rig; `before` is compared with the first by a slider."""
+    require_kinds(list(models), (Cloud, Mesh), "models", "retrue.reconstruct makes one")
+    if not models:
+        raise InputError("write_view: expected a cloud or a mesh, found none")
+    layers = [Layer(f"part {k}" if len(models) > 1 else "points", model) for k, model in enumerate(models, 1)]
+    if before is not None:
+        layers = [Layer("before", before, when="before"), Layer("after", models[0], when="after"), *layers[1:]]
+    distance = float(np.median(models[0].points[:, 2])) if len(models[0].points) else 1.0
+    return space_page(layers, rig_lines(rig, distance) if rig is not None else (), title)
+
+
+def _spec(layers: Sequence[Layer], lines: Sequence[Line]) -> dict[str, Any]:
+    shown = [layer for layer in layers if len(layer.model.points)]
+    if not shown:
+        raise InputError("view: expected points, found none")
+    units = {layer.model.unit for layer in shown}
+    if len(units) > 1:
+        raise InputError(f"view: expected layers in one unit, found {', '.join(sorted(units))}")
+    ranges: dict[str, list[float]] = {}
+    for name in ("sigma", "residual"):
+        found = [values for layer in shown if (values := _scalar(layer, name)) is not None]
+        known = np.concatenate([np.abs(values[np.isfinite(values)]) for values in found]) if found else np.empty(0)
+        known = known[known > 0]
+        if len(known):
+            low, high = np.quantile(known, [0.01, 0.99]).tolist()
+            ranges[name] = [low, max(high, 1.01 * low)]
+    inner = np.concatenate([_inner(layer.model.points) for layer in shown])
+    low, high = inner.min(axis=0), inner.max(axis=0)
+    return {
+        "unit": units.pop(),
+        "low": low.tolist(),
+        "high": high.tolist(),
+        "middle": np.median(np.concatenate([layer.model.points for layer in shown]), axis=0).tolist(),
+        "ranges": ranges,
+        "layers": [_packed_layer(layer, ranges) for layer in shown],
+        "lines": [{"name": line.name, "color": list(line.color), "places": line.places.tolist()} for line in lines],
+    }
+
+
+def _packed_layer(layer: Layer, ranges: dict[str, list[float]]) -> dict[str, Any]:
+    model = layer.model
+    count = len(model.points)
+    rows = np.arange(count)
+    faces: str | None = None
+    if isinstance(model, Mesh):
+        faces = _packed(model.faces.astype("<u4"))
+    else:
+        rows = np.random.default_rng(0).permutation(count)[:MOST_POINTS]
+    points = model.points[rows]
+    low = points.min(axis=0)
+    extent = np.maximum(points.max(axis=0) - low, 1e-30)
+    scalars = np.zeros((len(rows), 2), np.uint8)
+    for column, name in enumerate(("sigma", "residual")):
+        values = _scalar(layer, name)
+        if values is not None and name in ranges:
+            scalars[:, column] = _on_scale(values[rows], *ranges[name])
+    normals = model.normals if isinstance(model, Cloud) else None
+    facing = None if normals is None else _packed(np.rint(127 * np.nan_to_num(normals[rows])).astype(np.int8))
+    return {
+        "name": layer.name,
+        "of": f"{len(rows):,} of {count:,}" if len(rows) < count else f"{count:,}",
+        "when": layer.when,
+        "aside": layer.aside,
+        "low": low.tolist(),
+        "extent": extent.tolist(),
+        "place": _packed(np.rint((points - low) / extent * 65535).astype("<u2")),
+        "tint": _packed(model.colors[rows]),
+        "known": _packed(scalars),
+        "facing": facing,
+        "faces": faces,
+    }
+
+
+def _scalar(layer: Layer, name: str) -> FloatArray | None:
+    if name == "residual":
+        return layer.residual_px
+    return layer.model.sigma if isinstance(layer.model, Cloud) else None
+
+
+def _on_scale(values: FloatArray, low: float, high: float) -> NDArray[np.uint8]:
+    """1 .. 255 from low to high in powers; 0 of what is not known."""
+    size = np.abs(values)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        share = np.log(size / low) / np.log(high / low)
+    known = np.isfinite(share) | (size == 0)
+    return np.where(known, 1 + np.rint(254 * np.clip(np.nan_to_num(share, neginf=0), 0, 1)), 0).astype(np.uint8)
+
+
+def _inner(points: FloatArray) -> FloatArray:
+    """(2, 3) the box of all points but a few strays."""
+    few = points[:: max(1, len(points) // 100_000)]
+    return np.quantile(few, [STRAY_SHARE, 1 - STRAY_SHARE], axis=0)
+
+
+def _frustum(device: Camera, camera_from_device: RigidTransform, length: float) -> FloatArray:
+    centre, corners = camera_from_device.t, camera_from_device.apply(device.frustum(length))
+    pairs = [end for k in range(4) for end in (centre, corners[k], corners[k], corners[(k + 1) % 4])]
+    return np.array(pairs)
+
+
+def _packed(array: NDArray[Any]) -> str:
+    return base64.b64encode(gzip.compress(np.ascontiguousarray(array).tobytes(), 5, mtime=0)).decode()
+
+
+def _asset(name: str) -> str:
+    return (files("retrue.report") / "assets" / name).read_text(encoding="utf-8")
