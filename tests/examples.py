@@ -70,6 +70,7 @@ def examples() -> dict[str, object]:
         retrue.parse_board("chessboard:7x9:75mm"), *retrue.planar_pose_candidates(homography)[:1],
         retrue.planar_pose_candidates_batch(homography[None]),
         retrue.CadOptions(), retrue.CalibrationOptions(), retrue.RecalibrateOptions(), retrue.ReconstructOptions(),
+        retrue.AcceptOptions(max_form=0.1), retrue.MergeOptions(), retrue.parse_artefact("spheres:25mm:150mm+-0.003mm"),
         retrue.SimulateOptions(), retrue.VerifyOptions(), retrue.RecordOptions(),
         retrue.Frame("phase", "column", period_px=64.0, shift=0.25),
         retrue.layout_sequence("slstudio-2x3", (1824, 1140)),

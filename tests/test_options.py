@@ -35,8 +35,9 @@ def is_number(hint: Any) -> bool:
 
 def test_every_number_of_every_options_class_declares_its_range() -> None:
     assert {kind.__name__ for kind in CLASSES} == {
-        "CadOptions", "CalibrationOptions", "CreepOptions", "RecalibrateOptions", "ReconstructOptions", "RecordOptions",
-        "SimulateOptions", "SimulatedOptions", "StreakOptions", "VerifyOptions", "WatchOptions",
+        "AcceptOptions", "CadOptions", "CalibrationOptions", "CreepOptions", "MergeOptions", "RecalibrateOptions",
+        "ReconstructOptions", "RecordOptions", "SimulateOptions", "SimulatedOptions", "StreakOptions",
+        "VerifyOptions", "WatchOptions",
     }  # fmt: skip
     for kind in CLASSES:
         hints = get_type_hints(kind)

@@ -14,7 +14,15 @@ from retrue.shown import ShortRepr, vector
 from tests.examples import examples, public_values
 
 SHOWN = [name for name in public_values() if issubclass(getattr(retrue, name), ShortRepr)]
-PLAIN = {"Board", "Frame", "GrayCode", "KnownDistance", "Reason", "Setup"}  # as Python shows them: a few short fields
+PLAIN = {
+    "Artefact",
+    "Board",
+    "Frame",
+    "GrayCode",
+    "KnownDistance",
+    "Reason",
+    "Setup",
+}  # as Python shows them: a few short fields
 
 
 def test_only_what_is_short_by_itself_is_shown_by_python() -> None:

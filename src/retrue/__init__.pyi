@@ -1,5 +1,9 @@
 """The public names: each line is a name and its home, and nothing else, for `__init__.py` reads them here."""
 
+from retrue.acceptance.accept import accept as accept
+from retrue.acceptance.artefact import Artefact as Artefact
+from retrue.acceptance.artefact import parse_artefact as parse_artefact
+from retrue.acceptance.options import AcceptOptions as AcceptOptions
 from retrue.answers import Reason as Reason
 from retrue.cad.make_cad import make_cad as make_cad
 from retrue.cad.model import CadModel as CadModel
@@ -31,6 +35,16 @@ from retrue.errors import RetrueWarning as RetrueWarning
 from retrue.files.board_captures import read_board_capture as read_board_capture
 from retrue.files.board_captures import read_board_captures as read_board_captures
 from retrue.files.captures import read_capture as read_capture
+from retrue.files.exchange.clouds import make_cloud as make_cloud
+from retrue.files.exchange.depth_maps import write_depth_map as write_depth_map
+from retrue.files.exchange.photogrammetry import rig_views as rig_views
+from retrue.files.exchange.photogrammetry import write_colmap as write_colmap
+from retrue.files.exchange.photogrammetry import write_nerfstudio as write_nerfstudio
+from retrue.files.exchange.ros import write_bag as write_bag
+from retrue.files.exchange.ros import write_ros as write_ros
+from retrue.files.exchange.warps import warped_picture as warped_picture
+from retrue.files.exchange.warps import write_st_map as write_st_map
+from retrue.files.exchange.warps import write_warp_mesh as write_warp_mesh
 from retrue.files.history import read_history as read_history
 from retrue.files.history import roll_back as roll_back
 from retrue.files.history import write_in_place as write_in_place
@@ -61,6 +75,8 @@ from retrue.geometry.robust_homography import RobustHomography as RobustHomograp
 from retrue.geometry.robust_homography import fit_homography_robust as fit_homography_robust
 from retrue.geometry.transform import RigidTransform as RigidTransform
 from retrue.geometry.triangulation import triangulate as triangulate
+from retrue.merging.merge import merge as merge
+from retrue.merging.options import MergeOptions as MergeOptions
 from retrue.pages import write_report as write_report
 from retrue.pages import write_view as write_view
 from retrue.patterns.color_grid import ColorGrid as ColorGrid
@@ -86,6 +102,7 @@ from retrue.recalibration.result import Verification as Verification
 from retrue.recalibration.verify import verify as verify
 from retrue.reconstruction.cloud import Cloud as Cloud
 from retrue.reconstruction.cloud import Mesh as Mesh
+from retrue.reconstruction.depth_map import depth_map as depth_map
 from retrue.reconstruction.error_by_distance import DistanceError as DistanceError
 from retrue.reconstruction.error_by_distance import error_by_distance as error_by_distance
 from retrue.reconstruction.holes import fill_holes as fill_holes
@@ -99,6 +116,7 @@ from retrue.reconstruction.scale import scale_from_ball as scale_from_ball
 from retrue.reconstruction.scale import scale_from_ball_bar as scale_from_ball_bar
 from retrue.reconstruction.scale import scale_from_points as scale_from_points
 from retrue.reconstruction.scale import scaled_rig as scaled_rig
+from retrue.reconstruction.warp import warp as warp
 from retrue.report.pictures import cloud_picture as cloud_picture
 from retrue.report.pictures import residual_picture as residual_picture
 from retrue.rig import Rig as Rig

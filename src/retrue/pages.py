@@ -84,7 +84,7 @@ def write_view(
 def write_page(path: Path, page: Page, command: str) -> None:
     """The page as a file; at its foot the command, the time and the versions of what computed it."""
     made = datetime.now(UTC).isoformat(sep=" ", timespec="seconds")
-    html = page_html(page, Provenance(command, made, _versions()))
+    html = page_html(page, Provenance(command, made, versions()))
     with replaced_file(path) as stream:
         stream.write(html.encode(errors="backslashreplace"))  # names of files may be no text at all
 
@@ -132,7 +132,8 @@ def _calibration_page(result: Calibrated | RefusedCalibration, sizes: Mapping[st
     return calibration_page(result, sizes or {}, result.rig.unit if isinstance(result, Calibrated) else "unknown")
 
 
-def _versions() -> dict[str, str]:
+def versions() -> dict[str, str]:
+    """Of Python and of what computes."""
     import platform
     from importlib.metadata import PackageNotFoundError, version
 

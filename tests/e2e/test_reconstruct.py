@@ -70,7 +70,7 @@ def test_each_ending_reads_back(retrue: Retrue, files: Files, cloud: str, mesh: 
 @pytest.mark.parametrize(
     ("arguments", "parts"),
     [
-        (("--out", "c.xyz"), ("c.xyz", "expected a cloud that ends in .ply, .obj, .glb")),
+        (("--out", "c.las"), ("c.las", "expected a cloud that ends in .ply, .pcd, .xyz, .e57, .npz, .obj, .glb")),
         (("--out", "c.stl"), ("c.stl", "expected a cloud that ends in")),
         (("--out", "c.ply", "--mesh", "m.fbx"), ("m.fbx", "expected a mesh that ends in .ply, .obj, .stl, .glb")),
         (("--out", "c.ply", "--cad", "p.iges"), ("p.iges", "expected a CAD file that ends in .step or .stp")),

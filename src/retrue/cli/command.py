@@ -89,11 +89,17 @@ class ReportingCommand(Command):
     report: Annotated[Path | None, arg(metavar="PAGE.html")] = None
 
     def read(
-        self, rig: Rig, captures: Sequence[Path], pattern: Path | None, *, one_coordinate: bool = False
+        self,
+        rig: Rig,
+        captures: Sequence[Path],
+        pattern: Path | None,
+        *,
+        one_coordinate: bool = False,
+        photographs: bool = False,
     ) -> list[Capture]:
         """The captures, with their photographs where a page will show them; all sizes are compared before any work.
 
-        `one_coordinate`: columns or rows alone will do.
+        `one_coordinate`: columns or rows alone will do. `photographs`: keep them in any case.
         """
         from retrue.correspondences import require_both_axes
         from retrue.files.captures import pictures_size
@@ -105,7 +111,7 @@ class ReportingCommand(Command):
             check_pattern(rig, shown.projector_size, pattern)
             for path, size in sizes:
                 check_pictures(rig, size, path)
-        read = read_captures(captures, shown, keep_photographs=self.report is not None)
+        read = read_captures(captures, shown, keep_photographs=photographs or self.report is not None)
         for path, capture in zip(captures, read, strict=True):
             check_rasters(rig, capture.points, path)
             check_extent(rig, capture.points, path)
@@ -122,6 +128,20 @@ def with_advice(outcome: Outcome, captures: Sequence[Capture]) -> Outcome:
         text = "\n".join([text, *(f"advice: {name}: {line}" for name, line in said if line not in text)])
     report = {**outcome.report, "advice": [f"{name}: {line}" for name, line in said]}
     return replace(outcome, report=report, text=text)
+
+
+def contradicted(rig: Rig, captures: Sequence[Capture]) -> Outcome | None:
+    """The answer where a capture contradicts the rig, so that nothing should be measured with it; else None."""
+    from retrue.cli.json_output import verification_report
+    from retrue.recalibration.verify import unasked, verify
+
+    for capture in captures:
+        verification = unasked(capture.points) if len(capture.points.axes) < 2 else verify(rig, [capture.points])
+        if not len(capture.points) or verification.forbids_measuring:
+            report = verification_report(verification, 0.0) | {"out": None}
+            text = f"refused: nothing was written: {capture.name}: {verification.reason}"
+            return with_advice(Outcome(report, text, REFUSED_OR_DRIFTED), [capture])
+    return None
 
 
 def log(message: str) -> None:

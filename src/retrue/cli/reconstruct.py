@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -26,6 +26,7 @@ from retrue.reconstruction.options import ReconstructOptions
 if TYPE_CHECKING:
     from retrue.cad.model import CadModel
     from retrue.capture import Capture
+    from retrue.geometry.camera import Camera
     from retrue.recalibration.result import Verification
     from retrue.reconstruction.cloud import Cloud, Mesh
     from retrue.report.page import Page
@@ -50,9 +51,14 @@ class Reconstruct(ReportingCommand):
     pattern
         What the projector showed, JSON; not needed for a CSV.
     out
-        The cloud to write: PLY or OBJ in the rig's unit, GLB in metres, as the name ends.
+        The cloud to write: PLY, OBJ, PCD, XYZ or NPZ in the rig's unit, GLB or E57 in metres, as the name ends.
     mesh
         The mesh to write: PLY or OBJ in the rig's unit, STL in millimetres, GLB in metres, as the name ends.
+    depth
+        The depth map to write, on the photograph's own pixels: PNG of 16 bits in millimetres, TIFF of floats in the
+        rig's unit; the camera goes beside it, JSON.
+    undistorted
+        Draw the depth map for a camera of the same K and no distortion, as programs want that know no lenses.
     cad
         The surfaces to write, STEP in millimetres; needs `pip install 'retrue[cad]'`.
     fill_holes
@@ -72,6 +78,8 @@ class Reconstruct(ReportingCommand):
     pattern: PatternPath = None
     out: Path
     mesh: Path | None = None
+    depth: Path | None = None
+    undistorted: bool = False
     cad: Path | None = None
     fill_holes: bool = False
     normals: bool = False
@@ -87,10 +95,11 @@ class Reconstruct(ReportingCommand):
         from retrue.recalibration.reasons import RaysMiss
         from retrue.recalibration.result import refuted
         from retrue.recalibration.verify import unasked, verify
+        from retrue.reconstruction.depth_map import depth_map
         from retrue.reconstruction.mesh import make_mesh
         from retrue.reconstruction.reconstruct import reconstruct
 
-        require_writable(self.out, self.mesh, self.cad, self.report)
+        require_writable(self.out, self.mesh, self.depth, self.cad, self.report)
         rig = read_rig(self.rig)
         (capture,) = self.read(rig, [self.capture], self.pattern, one_coordinate=True)
         self._require_formats(rig.unit)
@@ -107,6 +116,7 @@ class Reconstruct(ReportingCommand):
         cloud = self._finished(cloud)
         mesh = None if self.mesh is None else make_mesh(cloud)
         model = None if self.cad is None else make_cad(cloud, self.cad_limits)
+        depth = None if self.depth is None else depth_map(cloud, self._drawn_in(rig))
         seconds = time.perf_counter() - start
         self._write(cloud, mesh, model)
         report = answer_report(verification) | _cloud_report(cloud) | {"out": str(self.out)}
@@ -116,6 +126,13 @@ class Reconstruct(ReportingCommand):
         if mesh is not None:
             report |= {"mesh": str(self.mesh), "faces": len(mesh.faces)}
             text += f"\n{self.mesh}: {len(mesh.faces)} faces"
+        if self.depth is not None and depth is not None:
+            from retrue.files.exchange.depth_maps import write_depth_map
+
+            beside = write_depth_map(self.depth, depth, self._drawn_in(rig), rig.unit)
+            measured = int((depth > 0).sum())
+            report |= {"depth": str(self.depth), "depth_camera": str(beside), "depth_pixels": measured}
+            text += f"\n{self.depth}: {measured} pixels with a depth; their camera is in {beside}"
         if model is not None:
             report |= {"cad": str(self.cad), "patches": _patches_report(model), "points_on_no_patch": model.left_out}
             text += f"\n{self.cad}: {_patches_text(model)}"
@@ -141,14 +158,21 @@ class Reconstruct(ReportingCommand):
 
         return reconstruction_page(rig, capture, cloud, faces=None if mesh is None else len(mesh.faces))
 
+    def _drawn_in(self, rig: Rig) -> Camera:
+        """The camera of the depth map."""
+        return replace(rig.camera, distortion=()) if self.undistorted else rig.camera
+
     def _require_formats(self, unit: str) -> None:
         """Find out before the work what no file of these names can hold."""
+        from retrue.files.exchange.depth_maps import require_depth_ending
         from retrue.files.models import require_cloud_ending, require_mesh_ending
         from retrue.files.step import require_step
 
         require_cloud_ending(self.out, unit)
         if self.mesh is not None:
             require_mesh_ending(self.mesh, unit)
+        if self.depth is not None:
+            require_depth_ending(self.depth, unit)
         if self.cad is not None:
             require_step(self.cad, unit)
 

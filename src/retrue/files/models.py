@@ -1,5 +1,7 @@
 """Clouds and meshes as PLY, OBJ, STL or GLB, as the name of the file ends; read back, ours or another tool's.
 
+Clouds are written as PCD, XYZ, E57 and NPZ too: see `files.exchange.clouds`.
+
 PLY, OBJ   the camera frame, the rig's unit (named in a comment)
 STL        the camera frame, millimetres, no colours
 GLB        metres; a node turns the camera frame, y down and z forward, to y up and z backward, as glTF has it
@@ -16,6 +18,7 @@ import numpy as np
 
 from retrue.errors import FileError, require_kind, require_path
 from retrue.files.atomic import read_bytes, replaced_file
+from retrue.files.exchange.clouds import e57_bytes, npz_bytes, pcd_bytes, require_e57, xyz_bytes
 from retrue.files.ply import read_vertices
 from retrue.files.ply import write_cloud as write_ply_cloud
 from retrue.files.ply import write_mesh as write_ply_mesh
@@ -26,8 +29,9 @@ if TYPE_CHECKING:
     from trimesh import PointCloud, Trimesh
 
 
-CLOUD_ENDINGS = (".ply", ".obj", ".glb")
+CLOUD_ENDINGS = (".ply", ".pcd", ".xyz", ".e57", ".npz", ".obj", ".glb")
 MESH_ENDINGS = (".ply", ".obj", ".stl", ".glb")
+CLOUD_BYTES = {".pcd": pcd_bytes, ".xyz": xyz_bytes, ".e57": e57_bytes, ".npz": npz_bytes}
 GLTF_FROM_CAMERA = np.diag([1.0, -1.0, -1.0, 1.0])
 LARGEST_FILE = 2**30  # bytes
 COMMENT_UNIT = re.compile(rb"(?:comment|camera frame,) unit (\S+)")
@@ -35,7 +39,7 @@ GREY = 160
 
 
 def write_cloud(path: str | Path, cloud: Cloud) -> None:
-    """Whole or not at all; normals, where the cloud has them, go into PLY only.
+    """Whole or not at all; normals, where the cloud has them, go into PLY, PCD and NPZ only.
 
     Raises
     ------
@@ -44,8 +48,14 @@ def write_cloud(path: str | Path, cloud: Cloud) -> None:
     """
     path = require_path(path, "write_cloud(path, cloud)")
     require_cloud(cloud)
-    if _ending(path, CLOUD_ENDINGS, "cloud") == ".ply":
+    ending = _ending(path, CLOUD_ENDINGS, "cloud")
+    if ending == ".ply":
         write_ply_cloud(path, cloud)
+        return
+    if ending in CLOUD_BYTES:
+        content = CLOUD_BYTES[ending](cloud)
+        with replaced_file(path) as stream:
+            stream.write(content)
         return
     from trimesh import PointCloud
 
@@ -66,7 +76,10 @@ def write_mesh(path: str | Path, mesh: Mesh) -> None:
 
 def require_cloud_ending(path: str | Path, unit: str) -> None:
     """What `write_cloud` would refuse, before there is a cloud."""
-    _require_unit(_ending(path, CLOUD_ENDINGS, "cloud"), unit)
+    ending = _ending(path, CLOUD_ENDINGS, "cloud")
+    _require_unit(ending, unit)
+    if ending == ".e57":
+        require_e57()
 
 
 def require_mesh_ending(path: str | Path, unit: str) -> None:
@@ -82,7 +95,7 @@ def _ending(path: str | Path, endings: tuple[str, ...], what: str) -> str:
 
 
 def _require_unit(ending: str, unit: str) -> None:
-    if ending in (".stl", ".glb"):
+    if ending in (".stl", ".glb", ".e57"):
         metres_per(unit)
 
 

@@ -1,0 +1,169 @@
+"""Compensating elements and what they leave: spheres and planes by least squares, with covariances.
+
+What remains after the fit is split in two: a smooth field, a polynomial of degree four over the element, which is
+what the rig does wrong and would do again; and noise, which another picture would not repeat. Uncertainties come
+from the noise alone, for a test asks for the former. Its level is taken from the data, so that only the ratios of
+the points' sigmas need to be right; and where neighbours share their noise, the blocks in which they lie tell by how
+much less they know.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from retrue.errors import DegenerateError
+from retrue.geometry.arrays import FloatArray
+
+DEGREE = 4
+BLOCKS = 7  # along each side, for what neighbours share
+DRAWS, FEWEST_DRAWS = 300, 60
+MOST_NORMALS = 30_000_000  # drawn in all
+STEPS = 30
+SIDEWAYS = 0.2  # noise across a ray, of that along it: about the baseline over the distance
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Element:
+    """A fitted sphere or plane.
+
+    Attributes
+    ----------
+    parameters : of a sphere its centre and radius (4,); of a plane its normal and distance (4,), normal . X = distance.
+    covariance : (4, 4) of a sphere's parameters; of a plane only its use for the form counts.
+    residuals : (N,) signed distances of the points, positive on the camera's side.
+    form : range of the residuals without the outliers that the guideline allows.
+    form_sigma : its standard deviation.
+    """
+
+    parameters: FloatArray
+    covariance: FloatArray
+    residuals: FloatArray
+    form: float
+    form_sigma: float
+
+
+def fit_sphere(points: FloatArray, sigma: FloatArray | None, outliers: float) -> Element:
+    """Minimises sum of (|X - c| - r)^2 over c and r, free both: the Gaussian compensating sphere.
+
+    Parameters
+    ----------
+    points : (N, 3) of one ball, in the camera frame.
+    sigma : (N,) of each point along its ray, up to a common factor; None: as the square of its depth.
+    outliers : share that `form` leaves out.
+
+    Raises
+    ------
+    DegenerateError : the points do not determine a sphere.
+
+    >>> directions = np.random.default_rng(0).normal(size=(500, 3)) * [1, 1, 0.5] - [0, 0, 3]
+    >>> ball = 5 * directions / np.linalg.norm(directions, axis=1, keepdims=True) + [10, 20, 400]
+    >>> fit_sphere(ball, None, 0.003).parameters.round(6).tolist()
+    [10.0, 20.0, 400.0, 5.0]
+    """
+    centre, radius = _algebraic_sphere(points)
+    for _ in range(STEPS):
+        away: FloatArray = points - centre
+        length = np.linalg.norm(away, axis=1)
+        design = np.column_stack([away / length[:, None], np.ones(len(points))])
+        step = _least_squares(design, length - radius)
+        centre, radius = centre + step[:3], radius + float(step[3])
+        if not np.abs(step).max() > 1e-12 * radius:
+            break
+    away = points - centre
+    length = np.linalg.norm(away, axis=1)
+    if not (np.isfinite(radius) and radius > 0 and (length > 0).all()):
+        raise DegenerateError(f"sphere: {len(points)} points do not determine one")
+    design = np.column_stack([away / length[:, None], np.ones(len(points))])
+    _, _, axes = np.linalg.svd(away - away.mean(axis=0), full_matrices=False)
+    return _element(np.append(centre, radius), length - radius, away @ axes[:2].T, design, points, sigma, outliers)
+
+
+def fit_plane(points: FloatArray, sigma: FloatArray | None, outliers: float) -> Element:
+    """Minimises sum of (n . X - d)^2 over unit n and d: the Gaussian compensating plane; n points to the camera."""
+    centre = points.mean(axis=0)
+    away = points - centre
+    _, _, axes = np.linalg.svd(away, full_matrices=False)
+    normal = axes[2] if axes[2] @ centre < 0 else -axes[2]
+    across = away @ axes[:2].T
+    design = np.column_stack([np.tile(normal, (len(points), 1)), across])  # rows begin with the normal, as of a sphere
+    parameters = np.append(normal, normal @ centre)
+    return _element(parameters, away @ normal, across, design, points, sigma, outliers)
+
+
+def trimmed_range(values: FloatArray, outliers: float) -> float:
+    """The least range that holds all values but that share, rounded down to whole points.
+
+    >>> trimmed_range(np.array([0.0, 1.0, 2.0, 50.0]), 0.25), trimmed_range(np.array([0.0, 1.0, 2.0, 50.0]), 0.2)
+    (2.0, 50.0)
+    """
+    ordered = np.sort(values)
+    out = int(outliers * len(values))
+    return float((ordered[len(ordered) - 1 - out :] - ordered[: out + 1]).min())
+
+
+def _least_squares(design: FloatArray, values: FloatArray) -> FloatArray:
+    solution: Any = np.linalg.lstsq(design, values, rcond=None)
+    return np.asarray(solution[0], dtype=np.float64)
+
+
+def _algebraic_sphere(points: FloatArray) -> tuple[FloatArray, float]:
+    """From |X|^2 = 2 c . X + r^2 - |c|^2, about the mean point."""
+    middle = points.mean(axis=0)
+    away = points - middle
+    design = np.column_stack([2 * away, np.ones(len(away))])
+    solved = _least_squares(design, (away**2).sum(axis=1))
+    return middle + solved[:3], float(np.sqrt(max(solved[3] + solved[:3] @ solved[:3], 0.0)))
+
+
+def _element(
+    parameters: FloatArray,
+    residuals: FloatArray,
+    across: FloatArray,
+    design: FloatArray,
+    points: FloatArray,
+    sigma: FloatArray | None,
+    outliers: float,
+) -> Element:
+    """What remains, and how sure all of it is; `across` (N, 2) are places on the element."""
+    shape = _noise_across(points, sigma, design[:, :3])
+    smooth, level, shared = _split(residuals, across, shape)
+    inverse = np.asarray(np.linalg.pinv(design), dtype=np.float64)
+    covariance = shared * level**2 * (inverse * shape**2) @ inverse.T
+    draws = int(np.clip(MOST_NORMALS / len(points), FEWEST_DRAWS, DRAWS))
+    random = np.random.default_rng(0)
+    ranges = np.empty(draws)
+    for draw in range(draws):
+        drawn = smooth + level * shape * random.standard_normal(len(points))
+        ranges[draw] = trimmed_range(drawn - design @ (inverse @ drawn), outliers)
+    return Element(parameters, covariance, residuals, trimmed_range(residuals, outliers), float(ranges.std(ddof=1)))
+
+
+def _noise_across(points: FloatArray, sigma: FloatArray | None, normals: FloatArray) -> FloatArray:
+    """Each point's noise along the element's normal (N, 3), up to a common factor.
+
+    Noise is longest along the ray; seen at a slant, less of it is across the surface.
+    """
+    distance = np.linalg.norm(points, axis=1)
+    known = sigma is not None and bool(np.isfinite(sigma).all()) and bool((sigma > 0).all())
+    along = sigma if known and sigma is not None else distance**2
+    cosine = np.abs((points * normals).sum(axis=1)) / distance
+    shape: FloatArray = along * np.hypot(cosine, SIDEWAYS)
+    return shape / np.sqrt(np.mean(shape**2))
+
+
+def _split(residuals: FloatArray, across: FloatArray, shape: FloatArray) -> tuple[FloatArray, float, float]:
+    """The smooth field (N,), the level of noise, and the variance of neighbours' sums over that of lone noise."""
+    low, high = across.min(axis=0), across.max(axis=0)
+    u, v = (2 * (across - low) / (high - low) - 1).T
+    terms = np.stack([u**i * v**j for i in range(DEGREE + 1) for j in range(DEGREE + 1 - i)], axis=1)
+    smooth = terms @ _least_squares(terms, residuals)
+    noise = (residuals - smooth) / shape
+    level = float(np.sqrt((noise @ noise) / max(len(noise) - terms.shape[1], 1)))
+    place = np.minimum(((across - low) / (high - low) * BLOCKS).astype(np.int64), BLOCKS - 1)
+    block = place[:, 0] * BLOCKS + place[:, 1]
+    sums, counts = np.bincount(block, noise), np.bincount(block)
+    shared = float((sums**2).sum() / counts.sum() / level**2) if level > 0 else 1.0
+    return smooth, level, max(shared, 1.0)

@@ -1,0 +1,132 @@
+"""From pairs to poses: who belongs together, and all poses at once, so that every loop closes."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from retrue.geometry.arrays import FloatArray
+from retrue.geometry.robust import MAD_TO_SIGMA
+from retrue.geometry.transform import RigidTransform, skew
+from retrue.merging.pairs import Pair, counterparts, moved, normal_equations
+from retrue.merging.view import View
+
+MOST_STEPS = 15
+SETTLED = 1e-3  # of the cell: points move less than this
+LOOP_FREEDOM = 6
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Adjusted:
+    """All poses, and how well they fit.
+
+    Attributes
+    ----------
+    poses : object_from_view by view; the first of the group is the object's frame.
+    covariance : (6 N, 6 N) of a turn and shift of each view in the object's frame, views in the order of `poses`.
+    level : noise of the distances, in the views' own sigmas.
+    residuals : RMS distance of each pair's counterparts, and how many there were.
+    closures : of each pair that closes a loop, by how many sigmas the pair's own pose misses what the others say.
+    """
+
+    poses: dict[int, RigidTransform]
+    covariance: FloatArray
+    level: float
+    residuals: dict[tuple[int, int], tuple[float, int]]
+    closures: dict[tuple[int, int], float]
+
+
+def largest_group(count: int, pairs: Sequence[Pair]) -> list[int]:
+    """The views that are tied to each other, the most of them; the first ones of equals."""
+    group = list(range(count))
+    for pair in pairs:
+        a, b = group[pair.first], group[pair.second]
+        group = [a if each == b else each for each in group]
+    best = max(sorted(set(group)), key=group.count)
+    return [view for view in range(count) if group[view] == best]
+
+
+def tree_poses(group: Sequence[int], pairs: Sequence[Pair]) -> tuple[dict[int, RigidTransform], list[Pair]]:
+    """Poses along the strongest pairs that tie all, and those pairs; the first view's frame is the object's."""
+    poses = {group[0]: RigidTransform.identity()}
+    tree: list[Pair] = []
+    while len(poses) < len(group):
+        ties = [pair for pair in pairs if (pair.first in poses) != (pair.second in poses)]
+        pair = max(ties, key=lambda pair: pair.overlap)
+        if pair.first in poses:
+            poses[pair.second] = poses[pair.first] @ pair.pose
+        else:
+            poses[pair.first] = poses[pair.second] @ pair.pose.inverse()
+        tree.append(pair)
+    return poses, tree
+
+
+def adjust(
+    views: Sequence[View], poses: dict[int, RigidTransform], pairs: Sequence[tuple[int, int]], cell: float
+) -> Adjusted:
+    """Poses at which all pairs' surfaces lie on each other best: least squares over the views' noise, robust.
+
+    Every pair says by its normal equations what turn and shift of its second view against its first one it wants,
+    all in the object's frame; the first view stays. Both directions of a pair are asked, each at half its weight,
+    for they are of the same points.
+    """
+    order = list(poses)
+    place = {view: number for number, view in enumerate(order)}
+    size = 6 * len(order)
+    level = 1.0
+    information = np.eye(size)
+    directed = [*pairs, *((second, first) for first, second in pairs)]
+    for _ in range(MOST_STEPS):
+        information, gradient = np.zeros((size, size)), np.zeros(size)
+        ratios: list[FloatArray] = []
+        for first, second in directed:
+            found = counterparts(views[first], views[second], poses[first].inverse() @ poses[second], cell)
+            ratios.append(found.distance / found.sigma)
+            H, g, _ = normal_equations(found, level)
+            turn = _adjoint(poses[first])  # from the object's frame to the first view's
+            H, g = turn.T @ H @ turn / 2, turn.T @ g / 2
+            a, b = (slice(6 * place[view], 6 * place[view] + 6) for view in (first, second))
+            for rows, row_sign in ((a, -1), (b, 1)):
+                gradient[rows] += row_sign * g
+                for columns, column_sign in ((a, -1), (b, 1)):
+                    information[rows, columns] += row_sign * column_sign * H
+        level = max(MAD_TO_SIGMA * float(np.median(np.abs(np.concatenate(ratios)))), 1e-9)
+        step = np.zeros(size)
+        step[6:] = -np.linalg.solve(information[6:, 6:], gradient[6:])
+        poses = {view: moved(pose, step[6 * place[view] : 6 * place[view] + 6]) for view, pose in poses.items()}
+        if _largest_move(views, poses, step, place) < SETTLED * cell:
+            break
+    covariance = np.zeros((size, size))
+    shared = float(np.mean([views[view].shared for view in order]))
+    covariance[6:, 6:] = shared * level**2 * np.linalg.inv(information[6:, 6:])
+    residuals: dict[tuple[int, int], tuple[float, int]] = {}
+    closures: dict[tuple[int, int], float] = {}
+    for first, second in pairs:
+        found = counterparts(views[first], views[second], poses[first].inverse() @ poses[second], cell)
+        H, g, _ = normal_equations(found, level)
+        closures[first, second] = float(np.sqrt(max(g @ np.linalg.pinv(H) @ g, 0.0) / LOOP_FREEDOM / shared) / level)
+        residuals[first, second] = (float(np.sqrt(np.mean(found.distance**2))), len(found.distance))
+    return Adjusted(poses, covariance, level, residuals, closures)
+
+
+def _adjoint(object_from_view: RigidTransform) -> FloatArray:
+    """(6, 6): a small turn and shift in the object's frame, as one in the view's."""
+    R, t = object_from_view.R, object_from_view.t
+    whole = np.zeros((6, 6))
+    whole[:3, :3] = whole[3:, 3:] = R.T
+    whole[3:, :3] = -R.T @ skew(t)
+    return whole
+
+
+def _largest_move(
+    views: Sequence[View], poses: dict[int, RigidTransform], step: FloatArray, place: dict[int, int]
+) -> float:
+    """RMS over the points of the view that moved most."""
+    moves: list[float] = []
+    for view, pose in poses.items():
+        turn, shift = step[6 * place[view] :][:3], step[6 * place[view] :][3:6]
+        away = np.cross(turn, pose.apply(views[view].points)) + shift
+        moves.append(float(np.sqrt((away**2).sum(axis=1).mean())))
+    return max(moves)

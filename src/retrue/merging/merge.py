@@ -1,0 +1,362 @@
+"""Several views of one object, merged into one."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from retrue.answers import Reason
+from retrue.errors import DegenerateError, InputError, require_kind, require_kinds
+from retrue.geometry.arrays import FloatArray
+from retrue.geometry.transform import RigidTransform, vector_from_rotation
+from retrue.merging.graph import Adjusted, adjust, largest_group, tree_poses
+from retrue.merging.options import MergeOptions
+from retrue.merging.pairs import Pair, coarse_pose, fine_pair, require_libraries
+from retrue.merging.surface import Surface, make_surface, surface_mesh
+from retrue.merging.view import View, local_normals, make_view, require_points_for_view, usual_cell, usual_spacing
+from retrue.reconstruction.cloud import Cloud, Mesh
+from retrue.shown import ShortRepr, Shown, counted, figures
+from retrue.values import ByValue
+
+LEAST_IN_GROUP = 2
+SURFACE_REACH = 1.5  # spacings of the points: the h of the surface
+MESH_CELL = 1.2  # spacings
+
+Progress = Callable[[int, int], None]
+
+
+@dataclass(frozen=True, slots=True, eq=False, repr=False)
+class Merged(ByValue, ShortRepr):
+    """One object of several views.
+
+    Attributes
+    ----------
+    cloud : the points of all views on the one surface that they agree on, in the first merged view's camera frame.
+    poses : object_from_view of each view that was merged, by its number among those handed in.
+    pose_sigma : (turn in radians, shift at the object's middle in the cloud's unit) of each, one standard deviation.
+    left_out : the numbers of the views that show no surface in common with the others, and why.
+    residuals : RMS distance between the surfaces of each two neighbours, in the cloud's unit.
+    closure_sigma : by how many of its sigmas the worst pair misses what all others say of it.
+    names : of the views, as they were handed in.
+    """
+
+    cloud: Cloud
+    poses: dict[int, RigidTransform]
+    pose_sigma: dict[int, tuple[float, float]]
+    left_out: dict[int, NoCommonSurface]
+    residuals: dict[tuple[int, int], float]
+    closure_sigma: float
+    names: tuple[str, ...]
+    surface: Surface
+    spacing: float
+
+    verdict = "merged"
+
+    @property
+    def cause(self) -> Reason | None:
+        """The first view that was left out; None where all were merged."""
+        return next(iter(self.left_out.values()), None)
+
+    @property
+    def reason(self) -> str:
+        """A sentence."""
+        words = f"{len(self.poses)} of {counted(len(self.names), 'view')}"
+        return "; ".join([words, *map(str, self.left_out.values())])
+
+    def mesh(self, cell: float | None = None) -> Mesh:
+        """The surface as triangles, counter-clockwise from outside, by cells of that size; holes stay open.
+
+        Raises `InputError` without scikit-image, and `DegenerateError` where there is no surface.
+        """
+        cell = cell or MESH_CELL * self.spacing
+        surface = replace(self.surface, reach=max(self.surface.reach, cell))  # else cells would fall between points
+        vertices, faces = surface_mesh(surface, cell)
+        _, row = self.surface.tree.query(vertices)
+        return Mesh(vertices, self.cloud.colors[row], faces, self.cloud.unit)
+
+    def _shown(self) -> Shown:
+        typical = float(np.median(list(self.residuals.values())))
+        rows = {
+            "points": f"{len(self.cloud):,}",
+            "views apart": f"{figures(typical)} {self.cloud.unit} (median RMS of neighbours)",
+            "loops close": f"within {figures(self.closure_sigma, 2)} sigma",
+        }
+        return self.reason, rows
+
+
+@dataclass(frozen=True, slots=True, eq=False, repr=False)
+class RefusedMerge(ByValue, ShortRepr):
+    """No two views show a common surface."""
+
+    cause: Reason
+
+    verdict = "refused"
+
+    @property
+    def reason(self) -> str:
+        """A sentence."""
+        return str(self.cause)
+
+    def _shown(self) -> Shown:
+        return self.reason, {}
+
+
+@dataclass(frozen=True, slots=True)
+class NoCommonSurface(Reason):
+    """A view shows nothing that the others show.
+
+    Attributes
+    ----------
+    best : the largest share of it, or of its neighbour, that lay on the other's surface.
+    contradicted : the share that then lay before what the other's camera saw.
+    """
+
+    view: str
+    best: float
+    contradicted: float
+
+    def __str__(self) -> str:
+        return f"{self.view} was left out: {_why(self.best, self.contradicted)}: another object, or too far turned"
+
+
+@dataclass(frozen=True, slots=True)
+class NothingInCommon(Reason):
+    """Of all views no two overlap; see `NoCommonSurface`."""
+
+    views: int
+    best: float
+    contradicted: float
+
+    def __str__(self) -> str:
+        return (
+            f"no two of {self.views} views show a common surface: {_why(self.best, self.contradicted)}; "
+            "take them with more overlap, each in its own camera's frame"
+        )
+
+
+def _why(best: float, contradicted: float) -> str:
+    words = f"at most {best:.0%} of one lies on another's surface"
+    return words + (f", and {contradicted:.0%} before what that camera saw" if contradicted >= 0.005 else "")
+
+
+def merge(
+    clouds: Sequence[Cloud],
+    options: MergeOptions | None = None,
+    *,
+    names: Sequence[str] = (),
+    progress: Progress | None = None,
+) -> Merged | RefusedMerge:
+    """Find how the views lie to each other, close all loops at once, and make one surface of them.
+
+    Parameters
+    ----------
+    clouds : two or more, each in its own camera frame, as `reconstruct` makes them; in any order. Of their `sigma`
+        only ratios count; without it, noise grows as the square of depth.
+    names : for what is said of them; numbers, unless given.
+    progress : called with the number of views tied and in all.
+
+    Raises
+    ------
+    InputError : fewer than two clouds, clouds of several units, or the libraries of `retrue[merge]` are not installed.
+    """
+    require_kinds(clouds, Cloud, "clouds", "retrue.reconstruct makes them")
+    options = options or MergeOptions()
+    require_kind(options, MergeOptions, "options")
+    if len(clouds) < LEAST_IN_GROUP:
+        raise InputError(f"merge: expected two clouds or more, found {len(clouds)}")
+    units = sorted({cloud.unit for cloud in clouds})
+    if len(units) > 1:
+        raise InputError(f"merge: expected one unit of length, found {', '.join(units)}")
+    if options.turntable not in (0, len(clouds)):
+        raise InputError(f"turntable: expected as many views as steps of a turn, found {len(clouds)}")
+    require_libraries()
+    names = tuple(names) or tuple(f"view {number}" for number in range(1, len(clouds) + 1))
+    clouds = [cloud.select(np.flatnonzero(np.isfinite(cloud.points).all(axis=1))) for cloud in clouds]
+    for name, cloud in zip(names, clouds, strict=True):
+        require_points_for_view(name, cloud.points)
+    cell = _cell(clouds, options)
+    views = [_view(name, cloud, cell) for name, cloud in zip(names, clouds, strict=True)]
+    tried: dict[tuple[int, int], Pair] = {}
+    pairs = _ties(views, options, cell, tried, progress)
+    group = largest_group(len(views), pairs)
+    if len(group) < LEAST_IN_GROUP:
+        return RefusedMerge(NothingInCommon(len(views), *_nearest_miss(tried.values())))
+    inside = [pair for pair in pairs if pair.first in group]
+    poses, _ = tree_poses(group, inside)
+    neighbours = _neighbours(views, poses, options, cell)
+    adjusted = adjust(views, poses, [(pair.first, pair.second) for pair in neighbours], cell)
+    left_out = {
+        view: NoCommonSurface(names[view], *_nearest_miss(pair for key, pair in tried.items() if view in key))
+        for view in range(len(views))
+        if view not in group
+    }
+    return _merged(clouds, views, adjusted, left_out, names)
+
+
+def _cell(clouds: Sequence[Cloud], options: MergeOptions) -> float:
+    if options.cell is None:
+        return usual_cell([cloud.points for cloud in clouds])
+    finest = min(usual_spacing(cloud.points) for cloud in clouds) / 2
+    if not options.cell >= finest:
+        raise InputError(
+            f"cell: expected half of the points' distance or more, {finest:.3g} {clouds[0].unit}, "
+            f"found {options.cell:g}"
+        )
+    return options.cell
+
+
+def _nearest_miss(pairs: Iterable[Pair]) -> tuple[float, float]:
+    """Overlap and contradiction of the pair that overlaps most."""
+    best = max(pairs, key=lambda pair: pair.overlap, default=None)
+    return (0.0, 0.0) if best is None else (best.overlap, best.contradicted)
+
+
+def _view(name: str, cloud: Cloud, cell: float) -> View:
+    try:
+        return make_view(cloud.points, cloud.sigma, cell)
+    except DegenerateError as error:
+        raise DegenerateError(f"{name}: {error}") from error
+
+
+def _good(pair: Pair, options: MergeOptions) -> bool:
+    return pair.overlap >= options.least_overlap and pair.contradicted <= options.most_contradicted
+
+
+def _ties(
+    views: Sequence[View],
+    options: MergeOptions,
+    cell: float,
+    tried: dict[tuple[int, int], Pair],
+    progress: Progress | None,
+) -> list[Pair]:
+    """Pairs that tie as many views as can be: neighbours in the order of taking first, none of what is tied already."""
+    count = len(views)
+    if options.turntable:
+        return _turned(views, options, cell, tried)
+    pairs: list[Pair] = []
+    group = list(range(count))
+    for step in range(1, count):
+        for first in range(count - step):
+            second = first + step
+            if group[first] == group[second]:
+                continue
+            pair = fine_pair(first, second, views, coarse_pose(views[first], views[second], cell), cell)
+            tried[first, second] = pair
+            if _good(pair, options):
+                pairs.append(pair)
+                group = [group[first] if each == group[second] else each for each in group]
+                if progress is not None:
+                    progress(len(largest_group(count, pairs)), count)
+    return pairs
+
+
+def _turned(
+    views: Sequence[View], options: MergeOptions, cell: float, tried: dict[tuple[int, int], Pair]
+) -> list[Pair]:
+    """The same on a turntable, where all steps are one motion: that which most of them fit."""
+    count = len(views)
+    angle = 2 * np.pi / count
+    steps = [(first, (first + 1) % count) for first in range(count)]
+    best: list[Pair] = []
+    for first, second in steps:
+        pair = fine_pair(first, second, views, coarse_pose(views[first], views[second], cell), cell)
+        tried[first, second] = pair
+        turned = float(np.linalg.norm(vector_from_rotation(pair.pose.R)))
+        if not (_good(pair, options) and abs(turned - angle) < 0.2 * angle):
+            continue
+        found = [fine_pair(a, b, views, pair.pose, cell) for a, b in steps]
+        found = [each for each in found if _good(each, options)]
+        best = found if len(found) > len(best) else best
+        if len(best) >= count - 1:
+            break
+    return best
+
+
+def _neighbours(
+    views: Sequence[View], poses: dict[int, RigidTransform], options: MergeOptions, cell: float
+) -> list[Pair]:
+    """All pairs that overlap at these poses; the tree's own are among them."""
+    order = sorted(poses)
+    found: list[Pair] = []
+    for number, first in enumerate(order):
+        for second in order[number + 1 :]:
+            start = poses[first].inverse() @ poses[second]
+            if not _face_alike(views[first], views[second], start):
+                continue
+            pair = fine_pair(first, second, views, start, cell)
+            if _good(pair, options):
+                found.append(pair)
+    return found
+
+
+def _face_alike(first: View, second: View, pose: RigidTransform) -> bool:
+    """Whether the two cameras look the same way at all: else no surface faces both."""
+    return bool(pose.R[2, 2] > 0)
+
+
+def _merged(
+    clouds: Sequence[Cloud],
+    views: Sequence[View],
+    adjusted: Adjusted,
+    left_out: dict[int, NoCommonSurface],
+    names: tuple[str, ...],
+) -> Merged:
+    points: list[FloatArray] = []
+    normals: list[FloatArray] = []
+    noise: list[FloatArray] = []
+    colors: list[NDArray[np.uint8]] = []
+    spacings: list[float] = []
+    for number, pose in adjusted.poses.items():
+        cloud = clouds[number]
+        found, flat = local_normals(cloud.points, 16)
+        along = np.full(len(cloud), views[number].noise) if cloud.sigma is None else cloud.sigma
+        cosine = np.abs((cloud.points * found).sum(axis=1)) / np.linalg.norm(cloud.points, axis=1)
+        kept = flat & (cosine > 0.05)
+        points.append(pose.apply(cloud.points[kept]))
+        normals.append(found[kept] @ pose.R.T)
+        noise.append((along * np.maximum(cosine, 0.2))[kept])
+        colors.append(cloud.colors[kept])
+        spacings.append(usual_spacing(cloud.points))
+    spacing = float(np.median(spacings))
+    together = np.concatenate(points), np.concatenate(normals), np.concatenate(noise)
+    surface = make_surface(*together, SURFACE_REACH * spacing)
+    on, normal, sigma_on = surface.onto(surface.points)
+    middle = surface.points.mean(axis=0)
+    pose_sigma = {view: _pose_sigma(adjusted, place, middle) for place, view in enumerate(adjusted.poses)}
+    merged_colors = np.concatenate(colors)[surface.rows]
+    good = np.isfinite(on).all(axis=1)
+    card: dict[str, Any] = {"points": int(good.sum()), "views": len(adjusted.poses)}
+    cloud = Cloud(
+        on[good],
+        merged_colors[good],
+        np.full((int(good.sum()), 2), np.nan),
+        clouds[0].unit,
+        card=card,
+        normals=normal[good],
+        sigma=sigma_on[good],
+    )
+    return Merged(
+        cloud,
+        adjusted.poses,
+        pose_sigma,
+        left_out,
+        {pair: rms for pair, (rms, _) in adjusted.residuals.items()},
+        max(adjusted.closures.values(), default=0.0),
+        names,
+        surface,
+        spacing,
+    )
+
+
+def _pose_sigma(adjusted: Adjusted, place: int, middle: FloatArray) -> tuple[float, float]:
+    """Of a view's turn, and of where its part of the object is, at the object's middle."""
+    from retrue.geometry.transform import skew
+
+    whole = adjusted.covariance[6 * place : 6 * place + 6, 6 * place : 6 * place + 6]
+    move = np.hstack([-skew(middle), np.eye(3)])
+    shift = move @ whole @ move.T
+    return float(np.sqrt(np.trace(whole[:3, :3]))), float(np.sqrt(np.trace(shift)))

@@ -1,0 +1,189 @@
+"""Two views of one object: how they lie to each other, and whether they do at all.
+
+Coarse by KISS-Matcher (features of the local shape, outliers pruned by a graph), fine by small_gicp (plane to
+plane). What they say is believed only where the surfaces then lie on each other, and neither lies where the other's
+camera saw through.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from importlib.util import find_spec
+from typing import Any
+
+import numpy as np
+
+from retrue.errors import InputError
+from retrue.geometry.arrays import BoolArray, FloatArray, IntArray
+from retrue.geometry.robust import MAD_TO_SIGMA, biweight
+from retrue.geometry.transform import RigidTransform, rotation_from_vector
+from retrue.merging.view import View
+
+GATE = 2.0  # cells within which the other surface's nearest point is a counterpart
+ALIKE = np.cos(np.radians(40.0))  # between normals of counterparts
+BEFORE = 0.5  # cells before the other surface, and more than noise, that contradict
+NOISE_SIGMAS, SAMPLING = 3.0, 0.01  # on the other's surface is what is so near; of the cell
+COARSE_CELLS, COARSE_REACH = 1.5, 4.0
+MATCHER_CELL = 0.3
+FINE_STEPS, SETTLING_STEPS = 20, 3
+FEWEST_COUNTERPARTS = 20
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Pair:
+    """What ties view j to view i.
+
+    Attributes
+    ----------
+    first, second : i and j.
+    pose : first_from_second.
+    overlap : share of the smaller view that lies on the other.
+    contradicted : the larger of the shares of the two that lie where the other saw through.
+    """
+
+    first: int
+    second: int
+    pose: RigidTransform
+    overlap: float
+    contradicted: float
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Counterparts:
+    """M points of one view on another's surface.
+
+    Attributes
+    ----------
+    places : (M, 3) in the first view's frame. normals : (M, 3) the mean of both surfaces' normals, there.
+    distance : (M,) along the normal. sigma : (M,) of the distance.
+    """
+
+    places: FloatArray
+    normals: FloatArray
+    distance: FloatArray
+    sigma: FloatArray
+
+
+def require_libraries() -> None:
+    """An `InputError` where what aligns is not installed."""
+    for name in ("kiss_matcher", "small_gicp"):
+        if find_spec(name) is None:
+            raise InputError(f'merge: expected the library {name}, found none; pip install "retrue[merge]"')
+
+
+def coarse_pose(first: View, second: View, cell: float) -> RigidTransform:
+    """first_from_second from local shapes alone; whatever it says of views without common surface."""
+    import kiss_matcher
+
+    library: Any = kiss_matcher
+    scale = MATCHER_CELL / (COARSE_CELLS * cell)  # its limits are lengths, and mean this cell
+    matcher = library.KISSMatcher(library.KISSMatcherConfig(MATCHER_CELL))
+    clouds = [list((scale * view.points).astype(np.float32)) for view in (second, first)]
+    found = matcher.estimate(*clouds)
+    u, _, vt = np.linalg.svd(np.array(found.rotation, dtype=np.float64))
+    R = u @ np.diag([1.0, 1.0, np.linalg.det(u @ vt)]) @ vt
+    return RigidTransform(R, np.array(found.translation, dtype=np.float64).ravel() / scale)
+
+
+def fine_pair(first: int, second: int, views: Sequence[View], pose: RigidTransform, cell: float) -> Pair:
+    """The pair, its pose refined from `pose` on the two surfaces."""
+    target, source = views[first], views[second]
+    pose = _aligned(target, source, pose, COARSE_REACH * cell)
+    pose = _settled(target, source, _aligned(target, source, pose, GATE * cell), cell)
+    back = pose.inverse()
+    small, large = (target, source) if len(target.points) < len(source.points) else (source, target)
+    large_from_small = back if small is target else pose
+    found = counterparts(large, small, large_from_small, cell)
+    off = _off(target, source, cell)
+    overlap = float((np.abs(found.distance) < off).sum()) / len(small.points)
+    against = max(_seen_through(target, source, pose, cell), _seen_through(source, target, back, cell))
+    return Pair(first, second, pose, overlap, against)
+
+
+def counterparts(target: View, source: View, pose: RigidTransform, cell: float) -> Counterparts:
+    """Points of `source` that have one on `target`, as by `pose`, target_from_source.
+
+    The distance is along the mean of both normals, whose curvature then cancels: a sphere's neighbours are at none.
+    Source: S. Rusinkiewicz, "A symmetric objective function for ICP", ACM Transactions on Graphics 38 (2019).
+    """
+    moved, turned = pose.apply(source.points), source.normals @ pose.R.T
+    near, row = _nearest(target, moved, turned, cell)
+    p, q, row = moved[near], target.points[row[near]], row[near]
+    normals = turned[near] + target.normals[row]
+    normals /= np.linalg.norm(normals, axis=1, keepdims=True)
+    sigma = np.hypot(source.sigma[near], target.sigma[row])
+    return Counterparts((p + q) / 2, normals, ((p - q) * normals).sum(axis=1), sigma)
+
+
+def normal_equations(found: Counterparts, level: float) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Information (6, 6) and gradient (6,) of a small turn and shift of the source in the target's frame; weights (M,).
+
+    A turn w and a shift v about the target's origin move a point at X by w x X + v, its distance by (X x n, n) . (w,
+    v).
+    """
+    weights = biweight(found.distance / (level * found.sigma)) / found.sigma**2
+    design = np.column_stack([np.cross(found.places, found.normals), found.normals])
+    return (design * weights[:, None]).T @ design, design.T @ (weights * found.distance), weights
+
+
+def moved(pose: RigidTransform, step: FloatArray) -> RigidTransform:
+    """The pose after a small turn and shift (6,) in the target's frame."""
+    return RigidTransform(rotation_from_vector(step[:3]), step[3:]) @ pose
+
+
+def _aligned(target: View, source: View, pose: RigidTransform, reach: float) -> RigidTransform:
+    """By generalised ICP; the pose that it began from, where it came to nothing."""
+    import small_gicp
+
+    library: Any = small_gicp
+    start = np.eye(4)
+    start[:3, :3], start[:3, 3] = pose.R, pose.t
+    cloud, tree = target.prepared
+    found = library.align(
+        cloud,
+        source.prepared[0],
+        tree,
+        init_T_target_source=start,
+        max_correspondence_distance=reach,
+        max_iterations=FINE_STEPS,
+    ).T_target_source
+    return RigidTransform(found[:3, :3], found[:3, 3]) if np.isfinite(found).all() else pose
+
+
+def _settled(target: View, source: View, pose: RigidTransform, cell: float) -> RigidTransform:
+    """A few steps of the symmetric distance, which sampling does not pull aside."""
+    for _ in range(SETTLING_STEPS):
+        found = counterparts(target, source, pose, cell)
+        if len(found.distance) < FEWEST_COUNTERPARTS:
+            break
+        level = MAD_TO_SIGMA * float(np.median(np.abs(found.distance / found.sigma)))
+        H, g, _ = normal_equations(found, max(level, 1e-9))
+        pose = moved(pose, -np.linalg.pinv(H) @ g)
+    return pose
+
+
+def _off(target: View, source: View, cell: float) -> float:
+    """Distance beyond which a point is not on the other's surface: by noise, and a little for the sampling."""
+    return NOISE_SIGMAS * float(np.hypot(target.noise, source.noise)) + SAMPLING * cell
+
+
+def _nearest(target: View, places: FloatArray, normals: FloatArray, cell: float) -> tuple[BoolArray, IntArray]:
+    """Which places have a counterpart, and its row."""
+    distance, row = target.tree.query(places, distance_upper_bound=GATE * cell)
+    near = np.isfinite(distance)
+    row = np.where(near, row, 0)
+    return near & ((target.normals[row] * normals).sum(axis=1) > ALIKE), row
+
+
+def _seen_through(target: View, source: View, pose: RigidTransform, cell: float) -> float:
+    """Share of the source that lies before what the target's camera saw there."""
+    places = pose.apply(source.points)
+    ahead = places[:, 2] > 0
+    rays = np.where(ahead[:, None], places[:, :2] / np.where(ahead, places[:, 2], 1.0)[:, None], np.inf)
+    depth = float(np.median(target.points[:, 2]))
+    distance, row = target.ray_tree.query(np.where(ahead[:, None], rays, 1e9), distance_upper_bound=cell / depth)
+    asked = np.isfinite(distance)
+    row = np.where(asked, row, 0)
+    before = ((places - target.points[row]) * target.normals[row]).sum(axis=1)
+    return float((asked & (before > BEFORE * cell + _off(target, source, cell))).mean())

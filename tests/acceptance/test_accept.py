@@ -1,0 +1,145 @@
+"""The artefact is found by itself, and what is said of it is true within what is said of that."""
+
+import numpy as np
+import pytest
+
+from retrue.acceptance.accept import ArtefactNotFound, FewPoints, TooSmall, accept
+from retrue.acceptance.artefact import parse_artefact
+from retrue.acceptance.options import AcceptOptions
+from retrue.acceptance.search import find_plane
+from retrue.errors import InputError
+from retrue.geometry.transform import RigidTransform
+from retrue.reconstruction.cloud import Cloud
+from retrue.simulation.surfaces import Wall
+from tests.acceptance.simulated import RIG, ball, measured, noisy, seen, wrong_rig
+
+BAR = parse_artefact("spheres:45mm:120mm")
+CENTRES = np.array([[-60.0, 5, 640], [58.0, -10, 662]])
+LENGTH = float(np.linalg.norm(CENTRES[1] - CENTRES[0]))
+
+
+@pytest.fixture(scope="module")
+def bar():
+    return seen([ball(*centre, 45) for centre in CENTRES], 4)[0]
+
+
+def values(answer):
+    return {(value.quantity, value.part): value for value in answer.positions[0].values}
+
+
+def test_a_perfect_rig_measures_a_bar_to_nothing(bar):
+    artefact = parse_artefact(f"spheres:45mm:{LENGTH:.9f}mm")
+    found = values(accept([measured(RIG, bar)], artefact))
+    assert sorted(found) == [
+        ("form", "ball 1"),
+        ("form", "ball 2"),
+        ("size", "ball 1"),
+        ("size", "ball 2"),
+        ("spacing", ""),
+    ]
+    assert all(abs(value.value) < 1e-6 and value.expanded < 1e-6 for value in found.values())
+
+
+def test_a_rig_with_a_longer_baseline_measures_all_as_much_longer(bar):
+    from dataclasses import replace
+
+    pose = RIG.projector_from_camera
+    longer = replace(RIG, projector_from_camera=RigidTransform(pose.R, pose.t * 1.01))
+    artefact = parse_artefact(f"spheres:45mm:{LENGTH:.9f}mm")
+    found = values(accept([measured(longer, bar)], artefact))
+    assert found["spacing", ""].value == pytest.approx(0.01 * LENGTH, rel=1e-5)
+    assert found["size", "ball 1"].value == pytest.approx(0.45, rel=1e-4)
+
+
+def test_values_lie_within_their_uncertainty_in_nineteen_of_twenty(bar):
+    random = np.random.default_rng(5)
+    off = []
+    for _ in range(25):
+        rig = wrong_rig(random)
+        exact = accept([measured(rig, bar)], BAR)
+        answer = accept([measured(rig, noisy(bar, random))], BAR)
+        for value, truth in zip(answer.positions[0].values, exact.positions[0].values, strict=True):
+            if value.quantity != "form":  # which noise is a part of
+                off.append((value.value - truth.value) / value.expanded)
+    off = np.array(off)
+    assert len(off) == 75
+    assert (np.abs(off) <= 1).mean() > 0.88  # of 95 %, less two standard errors of 75
+    assert 0.35 < np.sqrt(np.mean(off**2)) < 0.65  # half of U is one sigma
+
+
+def test_form_is_repeated_within_its_uncertainty(bar):
+    random = np.random.default_rng(2)
+    answers = [accept([measured(RIG, noisy(bar, random))], BAR) for _ in range(25)]
+    forms = np.array([values(answer)["form", "ball 1"].value for answer in answers])
+    stated = np.mean([values(answer)["form", "ball 1"].expanded for answer in answers]) / 2
+    assert 0.6 < forms.std(ddof=1) / stated < 1.5
+
+
+def test_a_plate_is_found_before_a_larger_wall_that_is_bent_behind_it():
+    pose = RigidTransform.from_rotation_vector([0.2, -0.1, 0.0], [0.0, 0.0, 600.0])
+    points, surface = seen([Wall(pose, (150.0, 110.0)), ball(0, 0, 2600, 3600)], 4)
+    cloud = measured(RIG, noisy(points, np.random.default_rng(0), 0.05))
+    rows = find_plane(cloud.points)
+    assert (surface[rows] == 0).all()
+    assert len(rows) > 0.75 * (surface == 0).sum()
+    answer = accept([cloud], parse_artefact("plane"), AcceptOptions(max_flatness=10.0, diagonal=500))
+    assert answer.verdict == "passed"
+    assert 0.5 < answer.positions[0].values[0].value < 3.0
+
+
+def test_decisions_count_the_uncertainty(bar):
+    cloud = measured(RIG, noisy(bar, np.random.default_rng(1)))
+    size = max(
+        abs(value.value) + value.expanded for value in values(accept([cloud], BAR)).values() if value.quantity == "size"
+    )
+    assert accept([cloud], BAR, AcceptOptions(max_size=1.01 * size)).verdict == "passed"
+    answer = accept([cloud], BAR, AcceptOptions(max_size=0.99 * size))
+    assert answer.verdict == "undecided"
+    assert answer.cause.name == "NoDecision"
+    assert accept([cloud], BAR, AcceptOptions(max_form=1e-3)).verdict == "failed"
+
+
+def test_calibration_counts_into_the_uncertainty(bar):
+    artefact = parse_artefact(f"spheres:45mm:{LENGTH:.6f}mm+-0.3mm")
+    found = values(accept([measured(RIG, bar)], artefact))
+    assert found["spacing", ""].expanded == pytest.approx(0.3)
+
+
+def test_what_is_too_small_too_thin_or_not_there_is_refused(bar):
+    cloud = measured(RIG, bar)
+    causes = [
+        (accept([cloud], parse_artefact("sphere:20mm")), ArtefactNotFound),
+        (accept([cloud], parse_artefact("spheres:45mm:200mm")), ArtefactNotFound),
+        (accept([cloud], BAR, AcceptOptions(fewest_points=5000)), FewPoints),
+        (accept([cloud], BAR, AcceptOptions(diagonal=401)), TooSmall),
+        (accept([cloud], parse_artefact("sphere:45mm"), AcceptOptions(diagonal=2300)), TooSmall),
+    ]
+    for answer, cause in causes:
+        assert answer.verdict == "refused"
+        assert isinstance(answer.cause, cause)
+        assert not answer.positions[0].values
+    noise = Cloud(
+        np.random.default_rng(0).normal(loc=(0, 0, 9), size=(500, 3)), cloud.colors[:500], cloud.camera_px[:500], "mm"
+    )
+    assert accept([noise], parse_artefact("sphere:1mm")).verdict == "refused"
+    assert accept([noise.select(np.arange(2))], parse_artefact("plane")).verdict == "refused"
+
+
+def test_a_position_without_the_artefact_leaves_the_test_undecided(bar):
+    cloud = measured(RIG, bar)
+    empty = cloud.select(cloud.points[:, 2] > 750)
+    answer = accept([cloud, empty], BAR, AcceptOptions(max_form=1.0), names=["here", "gone"])
+    assert answer.verdict == "undecided"
+    assert answer.positions[1].cause.name == "ArtefactNotFound"
+    assert "nothing measured in 1 position" in answer.reason
+
+
+def test_clouds_must_share_a_unit_of_known_length(bar):
+    cloud = measured(RIG, bar)
+    other = Cloud(cloud.points, cloud.colors, cloud.camera_px, "cubit")
+    with pytest.raises(InputError, match="cubit"):
+        accept([other], BAR)
+    with pytest.raises(InputError, match="expected one unit of length, found cubit, mm"):
+        accept([cloud, other], BAR)
+    with pytest.raises(InputError, match="at least one position"):
+        accept([], BAR)
