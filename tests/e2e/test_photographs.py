@@ -85,6 +85,16 @@ def test_reconstruct_sees_every_pixel(retrue: Retrue, pairs: Path, tmp_path: Pat
     assert not (tmp_path / "no.ply").exists()
 
 
+def test_the_demo_finds_the_pose_and_sees_the_scene(retrue: Retrue, tmp_path: Path) -> None:
+    run = retrue("demo", "--stereo", "--out", tmp_path / "out", "--json")
+    assert run.status == 0, run
+    report = run.json
+    assert report["error_before"]["rotation_deg"] > 1.5
+    assert report["error_after"]["rotation_deg"] < 0.1
+    assert report["depth_error"] < 0.01
+    assert all(Path(path).exists() for path in report["files"])
+
+
 def test_mistakes_are_named(retrue: Retrue, pairs: Path, tmp_path: Path) -> None:
     left, right = (pairs / "photographs" / name for name in ("left01.png", "right01.png"))
     rig = pairs / "rig.json"
