@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from dataclasses import replace
 from pathlib import Path
 
@@ -126,3 +127,38 @@ def test_real_pairs_agree_with_their_calibration(name: str, joint: tuple[float, 
     assert pose is not None
     assert np.degrees(rotation_angle(pose.R @ true.R.T)) < joint[0]
     assert np.degrees(direction_angle(pose.t, true.t)) < joint[1]
+
+
+def test_a_watch_pairs_two_folders_and_puts_the_rig_right(retrue: Retrue, pairs: Path, tmp_path: Path) -> None:
+    for number in range(4):
+        for side in ("left", "right"):
+            (tmp_path / "in" / side).mkdir(parents=True, exist_ok=True)
+            picture = (pairs / "photographs" / f"{side}0{1 + number % 2}.png").read_bytes()
+            (tmp_path / "in" / side / f"{100 * number}.png").write_bytes(picture)
+        (tmp_path / "in" / "left" / f"{100 * number}.json").write_text(f'{{"temperature": {20 + number}}}')
+    (tmp_path / "in" / "left" / "400.png").write_bytes(picture)
+    rig = tmp_path / "rig.json"
+    rig.write_bytes((pairs / "before.json").read_bytes())
+    quick = (
+        "--poll-seconds",
+        "0.01",
+        "--settle-seconds",
+        "0.02",
+        "--patience-seconds",
+        "0.05",
+        "--idle-seconds",
+        "0.3",
+    )
+    run = retrue(
+        "watch", rig, tmp_path / "in", "--stereo", "--out", tmp_path / "out", "--lens", "fixed", "--json", *quick
+    )
+    assert run.status == 0, run
+    told = [json.loads(line) for line in run.out.splitlines()]
+    frames = [event for event in told if event["event"] == "frame"]
+    assert [event["temperature"] for event in frames] == [20, 21, 22, 23]
+    assert [event["verdict"] for event in frames] == ["drifted", "drifted", "drifted", "good"]
+    assert [event["name"] for event in told if event["event"] == "bad frame"] == ["400.png"]
+    found = read_rig(rig).projector_from_camera
+    assert np.degrees(rotation_angle(found.R @ RIG.projector_from_camera.R.T)) < 0.1
+    refused = retrue("watch", rig, tmp_path / "in" / "left", "--stereo", "--out", tmp_path / "out", *quick)
+    refused.require_complaint("expected two sources, or a folder that holds a folder of each camera")

@@ -143,7 +143,8 @@ class Watch:
             self._follow(rig, frame, points, found)
             suspect = found.verdict == "drifted" or bool(self._streak.drifted)
             cloud = None if suspect else self._cloud(rig, points, frame.name, seconds)
-            beside = {"creep": _creep_values(self._creep), "temperature": last_reading(self.temperature)}
+            warm = last_reading(self.temperature) if frame.temperature is None else frame.temperature
+            beside = {"creep": _creep_values(self._creep), "temperature": warm}
             self._write("frame", frame, **_verification_values(found), **beside, cloud=cloud, seconds=seconds)
             if is_due(self._streak, self.options):
                 self._recalibrate(rig)
