@@ -6,7 +6,7 @@ import re
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, cast
+from typing import TYPE_CHECKING, Any, Literal, cast
 
 from retrue.cli.command import Outcome, ReportingCommand, log
 from retrue.cli.terminal import terminal
@@ -14,6 +14,7 @@ from retrue.errors import InputError
 
 if TYPE_CHECKING:
     from retrue.capture import Capture
+    from retrue.decoding.photographs.learned import MatcherName
     from retrue.files.photographs import PhotographPair
     from retrue.geometry.transform import RigidTransform
     from retrue.recalibration.result import Evidence
@@ -30,9 +31,12 @@ class PhotographCommand(ReportingCommand):
     ----------
     stereo
         The rig is two cameras: captures are their photographs, two folders, one folder of both, or pairs in turn.
+    matcher
+        Who matches them; lightglue and loftr need `pip install 'retrue[matchers]'`.
     """
 
     stereo: bool = False
+    matcher: Literal["sift", "lightglue", "loftr"] = "sift"
 
     def read(
         self, rig: Rig, captures: Sequence[Path], pattern: Path | None, *, one_coordinate: bool = False
@@ -42,7 +46,7 @@ class PhotographCommand(ReportingCommand):
             return super().read(rig, captures, pattern, one_coordinate=one_coordinate)
         if pattern is not None:
             raise InputError("expected --stereo or --pattern: photographs of a scene show no pattern")
-        return [pair.capture for pair in read_pairs(rig, captures)]
+        return [pair.capture for pair in read_pairs(rig, captures, self.matcher)]
 
     def takes_photographs(self, captures: Sequence[Path]) -> bool:
         """Whether these are pictures of two cameras; a table of their matches is a capture like any other."""
@@ -57,19 +61,21 @@ class PhotographCommand(ReportingCommand):
         return replace(outcome, report=report, text=_of_cameras(outcome.text))
 
 
-def read_pairs(rig: Rig, paths: Sequence[Path]) -> list[PhotographPair]:
+def read_pairs(rig: Rig, paths: Sequence[Path], matcher: MatcherName = "sift") -> list[PhotographPair]:
     """Each matched, and said how many places it shares; all sizes are compared before any work."""
+    from retrue.decoding.photographs.learned import named_matcher
     from retrue.files.photographs import find_pairs, read_pair
+    from retrue.patterns.photographs import Photographs
 
     if not paths:
         raise InputError("expected photographs of two cameras after the rig, found none")
     read: list[PhotographPair] = []
     show = terminal.progress("matching photographs")
-    pairs = find_pairs(paths, rig)
+    pairs, asked = find_pairs(paths, rig), Photographs(matcher=named_matcher(matcher))
     for done, pair in enumerate(pairs):
         if done:
             show(done, len(pairs))
-        read.append(read_pair(pair))
+        read.append(read_pair(pair, asked))
         log(f"{read[-1].capture.name}: {len(read[-1].capture.points)} correspondences")
     return read
 

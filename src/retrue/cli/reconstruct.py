@@ -136,7 +136,7 @@ class Reconstruct(PhotographCommand):
             raise InputError("expected --stereo or --pattern: photographs of a scene show no pattern")
         from retrue.decoding.photographs.dense import match_densely
 
-        pairs = read_pairs(rig, self.captures)
+        pairs = read_pairs(rig, self.captures, self.matcher)
         if len(pairs) != 1:
             raise InputError(f"expected one pair of photographs after the rig, found {len(pairs)}")
         pair = pairs[0]
