@@ -23,6 +23,7 @@ READ_RIG = "; retrue.read_rig reads one"
 READ_POINTS = "; retrue.read_capture decodes pictures, retrue.read_points reads a table"
 READ_PATTERN = "; retrue.read_pattern reads one"
 PATTERN = "pattern: expected a ColorGrid, LineGrid, GrayCode or FrameSequence"
+DECODED = "pattern: expected a ColorGrid, LineGrid, GrayCode, FrameSequence or Photographs"
 READ_IMAGE = "; retrue.read_image reads one, and retrue.read_capture decodes files"
 PARSE_BOARD = "; retrue.parse_board makes one of such a text"
 PATH = "path: expected text or a pathlib.Path, as in "
@@ -40,7 +41,7 @@ MISTAKES: list[tuple[Callable[[], object], str]] = [
     (lambda: retrue.decode(GRAY, ["a.png"]), f"images[0]: expected an ndarray, found the text 'a.png'{READ_IMAGE}"),
     (
         lambda: retrue.decode("pattern.json", IMAGE),
-        f"{PATTERN}, found the text 'pattern.json'{READ_PATTERN}",
+        f"{DECODED}, found the text 'pattern.json'{READ_PATTERN}",
     ),
     (lambda: retrue.recalibrate("rig.json", [POINTS]), f"rig: expected a Rig, found the text 'rig.json'{READ_RIG}"),
     (lambda: retrue.verify("rig.json", [POINTS]), f"rig: expected a Rig, found the text 'rig.json'{READ_RIG}"),
@@ -113,7 +114,7 @@ MISTAKES: list[tuple[Callable[[], object], str]] = [
     # the wrong way round
     (lambda: retrue.recalibrate([POINTS], RIG), "rig: expected a Rig, found a list"),
     (lambda: retrue.reconstruct(POINTS, RIG), "rig: expected a Rig, found a Correspondences"),
-    (lambda: retrue.decode(IMAGE, GRID), f"{PATTERN}, found an ndarray"),
+    (lambda: retrue.decode(IMAGE, GRID), f"{DECODED}, found an ndarray"),
     (lambda: retrue.write_rig(RIG, "rig.json"), f"{PATH}write_rig(path, rig); found a Rig"),
     (lambda: retrue.write_pattern(GRID, "p.json"), f"{PATH}write_pattern(path, pattern); found a ColorGrid"),
     (lambda: retrue.write_points(POINTS, "p.csv"), f"{PATH}write_points(path, points); found a Correspondences"),

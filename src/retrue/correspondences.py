@@ -19,19 +19,19 @@ from retrue.values import ByValue
 @dataclass(frozen=True, slots=True, eq=False)
 class Card(ByValue):
     """What a decoder has to say of a capture, counted in what it decodes: pixels of a Gray code, blocks of a
-    colour grid, crossings of a line grid.
+    colour grid, crossings of a line grid, features of a photograph.
 
     Attributes
     ----------
-    counted : "pixels", "blocks" or "crossings".
-    seen : how many the projector was seen to light, decoded : how many became points.
+    counted : "pixels", "blocks", "crossings" or "features".
+    seen : how many the projector was seen to light, or the photograph has, decoded : how many became points.
     rejected : the others, by reason.
     coverage : share of the picture.
     advice : what to change, a sentence each.
     details : what only this decoder measures.
     """
 
-    counted: Literal["pixels", "blocks", "crossings"]
+    counted: Literal["pixels", "blocks", "crossings", "features"]
     seen: int
     decoded: int
     rejected: Mapping[str, int]

@@ -124,7 +124,7 @@ class Calibrate(ReportingCommand):
         from retrue.errors import InputError
         from retrue.files.board_captures import picture_with_points
         from retrue.files.captures import pictures_size
-        from retrue.files.stereo_captures import stereo_pairs
+        from retrue.files.pairs import stereo_pairs
         from retrue.rasters import check_alike
 
         if not self.captures:

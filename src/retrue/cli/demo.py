@@ -28,9 +28,12 @@ class Demo(ReportingCommand):
     out
         Folder for the new rig, the cloud, the mesh and report.html, and pictures where the extra retrue[plot] is
         installed; made where it is not there.
+    stereo
+        Instead: two photographs of a simulated scene, by two cameras.
     """
 
     out: Path = Path("demo-out")
+    stereo: bool = False
 
     def run(self) -> Outcome:
         from retrue.decoding.decode import decode
@@ -42,6 +45,10 @@ class Demo(ReportingCommand):
 
         folder = made_folder(self.out)
         require_writable(self.report)
+        if self.stereo:
+            from retrue.cli.demo_photographs import demo_photographs
+
+            return demo_photographs(folder)
         with as_file(files("retrue") / "demo_data") as data:
             image, pattern = read_image(data / "scene.jpg"), read_pattern(data / "pattern.json")
             before, true = read_rig(data / "rig_before.json"), read_rig(data / "rig_true.json")

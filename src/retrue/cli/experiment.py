@@ -15,7 +15,7 @@ from retrue.errors import InputError
 if TYPE_CHECKING:
     from retrue.experiments.study import Study
 
-Name = Literal["ambiguity", "noise", "peers", "twin", "light", "real"]
+Name = Literal["ambiguity", "noise", "peers", "twin", "light", "real", "photographs"]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -28,9 +28,9 @@ class Experiment(Command):
         ambiguity: how many poses explain a plane. noise: errors against noise, for the paper's solver and others.
         peers: RMSE over the Cramer-Rao bound, us and others. twin: how the twin poses are told apart. light: how the
         projector's own light tells them apart on a bare wall, drawn at random or, with captures, on each of their
-        planes. real: captures against a static calibration.
+        planes. real: captures against a static calibration. photographs: pairs of two cameras against theirs.
     captures
-        For `real` and `light`: captures of the rig.
+        For `real` and `light`: captures of the rig; for `photographs`: pairs, as --stereo of other commands takes.
     rig
         For these: its static calibration.
     pattern
@@ -81,6 +81,8 @@ class Experiment(Command):
 
     def _study(self) -> Study:
         count: dict[str, Any] = {} if self.trials is None else {"trials": self.trials}
+        if self.name == "photographs":
+            return self._photographs()
         if self.name == "real" or self.captures:
             return self._real(count)
         from retrue.experiments.against_peers import peers
@@ -93,6 +95,16 @@ class Experiment(Command):
             count["ours_only"] = True
         run = {"ambiguity": ambiguity, "noise": noise, "peers": peers, "twin": twin, "light": light}[self.name]
         return run(seed=self.seed, workers=self.workers, progress=terminal.progress(self.name), **count)
+
+    def _photographs(self) -> Study:
+        from retrue.cli.photographs import read_pairs
+        from retrue.experiments.photographs import photographs
+        from retrue.files.rigs import read_rig
+
+        if self.rig is None:
+            raise InputError("experiment photographs: expected --rig, the calibration to compare with")
+        rig = read_rig(self.rig)
+        return photographs(rig, read_pairs(rig, self.captures))
 
     def _real(self, count: dict[str, Any]) -> Study:
         from retrue.experiments.light import light_of_captures

@@ -15,11 +15,11 @@ from retrue.cli.command import (
     CapturePaths,
     Outcome,
     PatternPath,
-    ReportingCommand,
     RigPath,
     require_writable,
     with_advice,
 )
+from retrue.cli.photographs import PhotographCommand, axes_report, axes_text
 from retrue.errors import InputError
 from retrue.recalibration.options import RecalibrateOptions
 
@@ -31,7 +31,7 @@ if TYPE_CHECKING:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Recalibrate(ReportingCommand):
+class Recalibrate(PhotographCommand):
     """Find the pose of a rig again from what it sees now; any scene will do.
 
     Attributes
@@ -39,7 +39,8 @@ class Recalibrate(ReportingCommand):
     rig
         The rig as it was last calibrated; its lenses are kept, but for --lens refit.
     captures
-        Pictures (colour grid), folders of pictures (Gray code) or points CSVs, all taken since it moved.
+        Pictures (colour grid), folders of pictures (Gray code) or points CSVs, all taken since it moved; with --stereo
+        pairs of photographs.
     pattern
         What the projector showed, JSON; not needed for a CSV.
     out
@@ -74,18 +75,23 @@ class Recalibrate(ReportingCommand):
         seconds = time.perf_counter() - start
         result = unattended(result) if self.in_place else result
         report = recalibration_report(result, seconds)
+        if self.stereo:
+            report |= {"axes": axes_report(rig.projector_from_camera, result.evidence)}
         page = None if self.report is None else (self.report, self._page(rig, captures, result))
+        said = _described(result, rig.unit)
+        if self.stereo and (axes := axes_text(rig.projector_from_camera, result.evidence)):
+            said += f"\n{axes}"
         if not isinstance(result, Accepted):
-            refused = Outcome(report, f"{_described(result, rig.unit)}\nnothing was written", REFUSED_OR_DRIFTED, page)
-            return with_advice(refused, captures)
+            refused = Outcome(report, f"{said}\nnothing was written", REFUSED_OR_DRIFTED, page)
+            return self.told(with_advice(refused, captures))
         if result.unchanged and self.in_place:
             kept = f"{self.rig}: nothing was written, the rig in it still holds"
             report |= {"out": None, "history_id": None}
-            return with_advice(Outcome(report, f"{_described(result, rig.unit)}\n{kept}", DONE, page), captures)
+            return self.told(with_advice(Outcome(report, f"{said}\n{kept}", DONE, page), captures))
         written = self._write(result)
         same = ", the same rig" if result.unchanged else ""
-        text = f"{_described(result, rig.unit)}\n{written['out']}: written{same}"
-        return with_advice(Outcome(report | written, text, DONE, page), captures)
+        text = f"{said}\n{written['out']}: written{same}"
+        return self.told(with_advice(Outcome(report | written, text, DONE, page), captures))
 
     def _page(self, rig: Rig, captures: list[Capture], result: Accepted | Refused) -> Page:
         from retrue.report.recalibration_page import recalibration_page
@@ -101,8 +107,16 @@ class Recalibrate(ReportingCommand):
             return {"out": str(self.out)}
         from retrue.files.history import capture_record, write_in_place
 
-        entry = write_in_place(self.rig, result, [capture_record(capture) for capture in self.captures])
+        entry = write_in_place(self.rig, result, [capture_record(capture) for capture in self._files()])
         return {"out": str(self.rig), "history_id": entry.id}
+
+    def _files(self) -> list[Path]:
+        """What a history records: captures, or each photograph of each pair."""
+        if not self.takes_photographs(self.captures):
+            return list(self.captures)
+        from retrue.files.pairs import stereo_pairs
+
+        return [path for pair in stereo_pairs(self.captures) for path in pair]
 
 
 def _described(result: Accepted | Refused, unit: str) -> str:

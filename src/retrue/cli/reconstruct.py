@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import time
+from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -13,19 +14,21 @@ from retrue.cad.options import CadOptions
 from retrue.cli.command import (
     DONE,
     REFUSED_OR_DRIFTED,
-    CapturePath,
+    CapturePaths,
     Outcome,
     PatternPath,
-    ReportingCommand,
     RigPath,
     require_writable,
     with_advice,
 )
+from retrue.cli.photographs import PhotographCommand, read_pairs
+from retrue.errors import InputError
 from retrue.reconstruction.options import ReconstructOptions
 
 if TYPE_CHECKING:
     from retrue.cad.model import CadModel
     from retrue.capture import Capture
+    from retrue.correspondences import Correspondences
     from retrue.geometry.camera import Camera
     from retrue.recalibration.result import Verification
     from retrue.reconstruction.cloud import Cloud, Mesh
@@ -36,7 +39,7 @@ MOST_PATCHES_SHOWN = 12
 
 
 @dataclass(frozen=True, kw_only=True)
-class Reconstruct(ReportingCommand):
+class Reconstruct(PhotographCommand):
     """Turn one capture into a coloured cloud of points, a mesh that stops at depth jumps, and surfaces for CAD.
 
     Nothing is written where the capture contradicts the rig by more than `retrue verify` calls improvable, or no pose
@@ -46,8 +49,9 @@ class Reconstruct(ReportingCommand):
     ----------
     rig
         The rig file, as it stands now.
-    capture
-        A picture (colour grid), a folder of pictures (Gray code), or a points CSV.
+    captures
+        One: a picture (colour grid), a folder of pictures (Gray code), or a points CSV; with --stereo one pair of
+        photographs, of which every pixel is matched.
     pattern
         What the projector showed, JSON; not needed for a CSV.
     out
@@ -74,7 +78,7 @@ class Reconstruct(ReportingCommand):
     """
 
     rig: RigPath
-    capture: CapturePath
+    captures: CapturePaths
     pattern: PatternPath = None
     out: Path
     mesh: Path | None = None
@@ -101,14 +105,14 @@ class Reconstruct(ReportingCommand):
 
         require_writable(self.out, self.mesh, self.depth, self.cad, self.report)
         rig = read_rig(self.rig)
-        (capture,) = self.read(rig, [self.capture], self.pattern, one_coordinate=True)
+        capture, dense = self._one_capture(rig)
         self._require_formats(rig.unit)
         start = time.perf_counter()
         verification = unasked(capture.points) if len(capture.points.axes) < 2 else verify(rig, [capture.points])
         nothing = not len(capture.points)
         if nothing or (verification.forbids_measuring and not self.anyway):
             return self._contradicted(rig, capture, verification, time.perf_counter() - start)
-        cloud = reconstruct(rig, capture.points, self.limits)
+        cloud = reconstruct(rig, capture.points if dense is None else dense(), self.limits)
         missed, most = cloud.card["epipolar_rms_px"], RecalibrateOptions().max_noise_px
         if missed is not None and not (missed <= most or self.anyway):
             verification = refuted(verification, RaysMiss(missed, most))
@@ -137,7 +141,23 @@ class Reconstruct(ReportingCommand):
             report |= {"cad": str(self.cad), "patches": _patches_report(model), "points_on_no_patch": model.left_out}
             text += f"\n{self.cad}: {_patches_text(model)}"
         page = None if self.report is None else (self.report, self._page(rig, capture, cloud, mesh))
-        return with_advice(Outcome(report | {"seconds": seconds}, text, DONE, page), [capture])
+        return self.told(with_advice(Outcome(report | {"seconds": seconds}, text, DONE, page), [capture]))
+
+    def _one_capture(self, rig: Rig) -> tuple[Capture, Callable[[], Correspondences] | None]:
+        """The capture that the rig is verified with; and, of photographs, how every pixel of them is matched."""
+        if not self.takes_photographs(self.captures):
+            if len(self.captures) != 1:
+                raise InputError(f"expected one CAPTURE after the rig, found {len(self.captures)}")
+            return self.read(rig, self.captures, self.pattern, one_coordinate=True)[0], None
+        if self.pattern is not None:
+            raise InputError("expected --stereo or --pattern: photographs of a scene show no pattern")
+        from retrue.decoding.photographs.dense import match_densely
+
+        pairs = read_pairs(rig, self.captures, self.matcher)
+        if len(pairs) != 1:
+            raise InputError(f"expected one pair of photographs after the rig, found {len(pairs)}")
+        pair = pairs[0]
+        return pair.capture, lambda: match_densely(rig, pair.left, pair.right, pair.capture.points)
 
     def _contradicted(self, rig: Rig, capture: Capture, verification: Verification, seconds: float) -> Outcome:
         """No cloud: it would be one of a rig that is no more."""
@@ -151,7 +171,7 @@ class Reconstruct(ReportingCommand):
             from retrue.report.verification_page import verification_page
 
             page = (self.report, verification_page(rig, [capture], verification))
-        return with_advice(Outcome(report, text, REFUSED_OR_DRIFTED, page), [capture])
+        return self.told(with_advice(Outcome(report, text, REFUSED_OR_DRIFTED, page), [capture]))
 
     def _page(self, rig: Rig, capture: Capture, cloud: Cloud, mesh: Mesh | None) -> Page:
         from retrue.report.reconstruction_page import reconstruction_page

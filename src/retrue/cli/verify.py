@@ -13,16 +13,16 @@ from retrue.cli.command import (
     CapturePaths,
     Outcome,
     PatternPath,
-    ReportingCommand,
     RigPath,
     require_writable,
     with_advice,
 )
+from retrue.cli.photographs import PhotographCommand
 from retrue.recalibration.options import VerifyOptions
 
 
 @dataclass(frozen=True, kw_only=True)
-class Verify(ReportingCommand):
+class Verify(PhotographCommand):
     """Ask whether captures still fit a rig; nothing is written. Exit status 0 only where they do.
 
     Attributes
@@ -30,7 +30,8 @@ class Verify(ReportingCommand):
     rig
         The rig file.
     captures
-        Pictures (colour grid), folders of pictures (Gray code) or points CSVs, all taken with the rig as it is now.
+        Pictures (colour grid), folders of pictures (Gray code) or points CSVs, all taken with the rig as it is now;
+        with --stereo pairs of photographs.
     pattern
         What the projector showed, JSON; not needed for a CSV.
     limits
@@ -60,4 +61,4 @@ class Verify(ReportingCommand):
 
             page = (self.report, verification_page(rig, captures, verification))
         status = DONE if verification.verdict == "good" else REFUSED_OR_DRIFTED
-        return with_advice(Outcome(report, text, status, page), captures)
+        return self.told(with_advice(Outcome(report, text, status, page), captures))

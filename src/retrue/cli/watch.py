@@ -42,6 +42,10 @@ class Watch(Command):
         The rig file; every rig that is written over is kept in the history beside it. Or fleet.toml, which names many.
     source
         A folder that pictures drop into, a video file, the address of a stream, or the index of a camera.
+    second
+        With --stereo: the same of the second camera; not needed where SOURCE holds a folder of each.
+    stereo
+        The rig is two cameras: frames are photographs, paired by the numbers of their names, as of time stamps.
     pattern
         What the projector shows, a colour or line grid, JSON; not needed for a folder of points CSVs.
     out
@@ -59,6 +63,8 @@ class Watch(Command):
 
     rig: RigPath
     source: Positional[Annotated[str | None, arg(metavar="SOURCE")]] = None
+    second: Positional[Annotated[str | None, arg(metavar="SECOND")]] = None
+    stereo: bool = False
     pattern: PatternPath = None
     out: Path
     clouds: bool = False
@@ -70,7 +76,7 @@ class Watch(Command):
         from retrue.cli.status_line import StatusLine
         from retrue.files.file_lock import held_file
         from retrue.watch.metrics import Metrics
-        from retrue.watch.sources import open_source, source_name
+        from retrue.watch.sources import open_pair, open_source, source_name
         from retrue.watch.state import read_state
 
         require_writable(self.rig)
@@ -78,12 +84,20 @@ class Watch(Command):
             return self._run_fleet()
         if self.source is None:
             raise InputError(f"{self.rig}: expected a SOURCE after the rig: a folder, a video, a stream or a camera")
+        if self.stereo and (self.pattern is not None or self.clouds):
+            raise InputError("--stereo: expected neither --pattern nor --clouds; reconstruct takes pairs")
+        if self.second is not None and not self.stereo:
+            raise InputError(f"{self.second}: expected one SOURCE, or --stereo")
         folder = made_folder(self.out)
         stop = threading.Event()
         with contextlib.ExitStack() as stack:
             stack.enter_context(held_file(folder / "lock", patience=0.0))
-            state = read_state(folder / "state.json", source_name(self.source))
-            source = open_source(self.source, self.pattern is not None, self.limits, state.position)
+            names = [self.source] if self.second is None else [self.source, self.second]
+            state = read_state(folder / "state.json", ", ".join(map(source_name, names)))
+            if self.stereo:
+                source = open_pair((self.source, self.second), self.limits, state.position)
+            else:
+                source = open_source(self.source, self.pattern is not None, self.limits, state.position)
             listeners: list[Listener] = [StatusLine(state.counts).observe]
             if self.json:
                 listeners.append(_printer(stop))
@@ -105,8 +119,8 @@ class Watch(Command):
         from retrue.watch.status import Status
         from retrue.watch.work_pool import WorkPool
 
-        given = self.source, self.pattern, self.clouds, self.limits, self.judgement
-        if given != (None, None, False, WatchOptions(), VerifyOptions()):
+        given = self.source, self.second, self.stereo, self.pattern, self.clouds, self.limits, self.judgement
+        if given != (None, None, False, None, False, WatchOptions(), VerifyOptions()):
             raise InputError(
                 f"{self.rig}: expected source, pattern, clouds, limits and lens of each rig in it, "
                 "not on the command line"

@@ -14,20 +14,24 @@ from retrue.geometry.arrays import Image
 from retrue.patterns.color_grid import ColorGrid
 from retrue.patterns.line_grid import LineGrid
 from retrue.patterns.pattern import PATTERNS, Pattern
+from retrue.patterns.photographs import Photographs
 
 GOOD_COUNT = 30  # points that a job can work with; with fewer, it is asked whether another pattern is there
 NAMES = {ColorGrid: "colour grid", LineGrid: "line grid"}
 
 
-def decode(pattern: Pattern, images: Image | Sequence[Image], *, names: Sequence[str] | None = None) -> Correspondences:
-    """Match camera pixels with projector pixels.
+def decode(
+    pattern: Pattern | Photographs, images: Image | Sequence[Image], *, names: Sequence[str] | None = None
+) -> Correspondences:
+    """Match camera pixels with projector pixels, or the pixels of two cameras.
 
     Parameters
     ----------
-    pattern : what the projector showed.
+    pattern : what the projector showed; `PHOTOGRAPHS` where nothing was.
     images : colour or line grid: the picture of it, then optionally a black and a white one of the same scene.
         Gray code: all pictures in the pattern's order, white and black last, first or left out.
         Sequence: the pictures of its frames.
+        Photographs: the first camera's and the second's, whose sizes may differ.
         Each (height, width) or (height, width, 3), red green blue, uint8 or uint16.
     names : of the pictures, for messages; "picture 3" where not given.
 
@@ -42,9 +46,15 @@ def decode(pattern: Pattern, images: Image | Sequence[Image], *, names: Sequence
     CaptureError
         the pictures do not belong together or do not show this pattern; names the picture.
     """
-    require_kind(pattern, PATTERNS, "pattern", "retrue.read_pattern reads one")
+    require_kind(pattern, (*PATTERNS, Photographs), "pattern", "retrue.read_pattern reads one")
     pictures = [images] if isinstance(images, np.ndarray) else images
     require_kinds(pictures, np.ndarray, "images", "retrue.read_image reads one, and retrue.read_capture decodes files")
+    if isinstance(pattern, Photographs):
+        from retrue.decoding.photographs.match_photographs import match_photographs
+
+        if len(pictures) != 2:
+            raise InputError(f"photographs: expected two, one of each camera, found {len(pictures)}")
+        return match_photographs(pattern, *pictures)
     if not isinstance(pattern, ColorGrid | LineGrid):
         from retrue.decoding.sequence.decode_sequence import decode_sequence
 

@@ -123,7 +123,7 @@ def look(rig: Rig, scene: Scene, pixels: FloatArray) -> Seen:
     shape = pixels.shape[:-1]
     rays = rig.camera.unproject(pixels).reshape(-1, 2)
     direction = np.concatenate([rays, np.ones((len(rays), 1))], axis=1)
-    depth, surface, normal = _first_hit(scene, np.zeros(3), direction)
+    depth, surface, normal = first_hit(scene.surfaces, np.zeros(3), direction)
     hit = np.isfinite(depth)
     point = np.where(hit, depth, 1.0)[:, None] * direction
 
@@ -136,7 +136,7 @@ def look(rig: Rig, scene: Scene, pixels: FloatArray) -> Seen:
     cosine = -np.sum(normal * beam, axis=-1) / distance
     with np.errstate(invalid="ignore"):
         lit = hit & rig.projector.contains(projector_px) & (cosine > 0)
-    shadow, _, _ = _first_hit(scene, source, beam)
+    shadow, _, _ = first_hit(scene.surfaces, source, beam)
     lit &= shadow > 1 - SHADOW_GAP
 
     albedo, gloss = np.zeros((len(rays), 3)), np.zeros(len(rays))
@@ -159,11 +159,14 @@ def look(rig: Rig, scene: Scene, pixels: FloatArray) -> Seen:
     )
 
 
-def _first_hit(scene: Scene, origin: FloatArray, direction: FloatArray) -> tuple[FloatArray, IntArray, FloatArray]:
+def first_hit(
+    surfaces: Sequence[Surface], origin: FloatArray, direction: FloatArray
+) -> tuple[FloatArray, IntArray, FloatArray]:
+    """Of each ray (N, 3): distance in its own lengths, inf for none; which surface, -1 for none; outward normal."""
     nearest = np.full(len(direction), np.inf)
     index = np.full(len(direction), NOTHING)
     normal = np.zeros((len(direction), 3))
-    for number, surface in enumerate(scene.surfaces):
+    for number, surface in enumerate(surfaces):
         distance, outward = surface.hit(origin, direction)
         nearer = distance < nearest
         nearest = np.where(nearer, distance, nearest)

@@ -21,16 +21,19 @@ class Frame:
     Attributes
     ----------
     name : for people.
-    content : a picture, or what was decoded already; None where it could not be read, and `problem` says why.
+    content : a picture, a pair of photographs, or what was decoded already; None where it could not be read, and
+        `problem` says why.
     position : where to go on when this frame is done.
     capture : name and SHA-256, for the history of the rig.
+    temperature : beside it, where a side file says so.
     """
 
     name: str
-    content: Image | Correspondences | None
+    content: Image | tuple[Image, Image] | Correspondences | None
     position: Position
     capture: Mapping[str, str]
     problem: str = ""
+    temperature: float | None = None
 
 
 class Source(Protocol):

@@ -7,6 +7,7 @@ from pathlib import Path
 
 from retrue.errors import FileError, InputError
 from retrue.files.images import SUFFIXES
+from retrue.files.pairs import sides_of
 from retrue.files.patterns import read_pattern
 from retrue.files.video import is_stream
 from retrue.patterns.color_grid import ColorGrid
@@ -18,6 +19,7 @@ from retrue.rig import Rig
 from retrue.watch.folder import FolderSource
 from retrue.watch.frame import Position, Source
 from retrue.watch.options import WatchOptions
+from retrue.watch.pairs import PairedSource
 from retrue.watch.video import VideoSource
 
 
@@ -42,6 +44,23 @@ def open_source(source: str, has_pattern: bool, limits: WatchOptions, position: 
     if path.suffix.lower() in SUFFIXES:
         raise FileError(path, "one picture is no stream: give the folder that it lies in")
     return VideoSource(path, position)
+
+
+def open_pair(sources: tuple[str, str | None], limits: WatchOptions, position: Position) -> Source:
+    """The frames of two cameras: two sources, or one folder that holds a folder of each. Raises as `open_source`."""
+    first, second = sources
+    if second is None:
+        folder = Path(first)
+        sides = sides_of(folder) if folder.is_dir() else None
+        if sides is None:
+            raise InputError(f"{first}: expected two sources, or a folder that holds a folder of each camera")
+        first, second = map(str, sides)
+    opened = [
+        open_source(source, True, limits, position.get(side, {}))
+        for side, source in (("first", first), ("second", second))
+    ]
+    folders = [Path(source) if Path(source).is_dir() else None for source in (first, second)]
+    return PairedSource(opened[0], opened[1], (folders[0], folders[1]))
 
 
 def open_pattern(rig: Rig, path: Path | None) -> Pattern | None:

@@ -10,6 +10,7 @@ from pathlib import Path
 from retrue.correspondences import Correspondences
 from retrue.errors import InputError
 from retrue.patterns.pattern import Pattern
+from retrue.patterns.photographs import PHOTOGRAPHS
 from retrue.recalibration.options import VerifyOptions
 from retrue.recalibration.result import Accepted, Refused, Verification
 from retrue.rig import Rig
@@ -50,6 +51,8 @@ def decoded(pattern: Pattern | None, frame: Frame) -> Correspondences:
 
     if isinstance(frame.content, Correspondences):
         return frame.content
+    if isinstance(frame.content, tuple):
+        return decode(PHOTOGRAPHS, frame.content)
     if frame.content is None or pattern is None:
         raise InputError("a picture needs the pattern that it shows: give --pattern P.json")
     return decode(pattern, frame.content, names=[frame.name])

@@ -128,7 +128,8 @@ class Watch:
             memory.add(counts.frames, rig, frame, points, found, self.options)
             suspect = found.verdict == "drifted" or bool(memory.streak.drifted)
             cloud = None if suspect else self._cloud(rig, points, frame.name, seconds)
-            beside = {"creep": creep_values(memory.creep), "temperature": last_reading(self.temperature)}
+            warm = last_reading(self.temperature) if frame.temperature is None else frame.temperature
+            beside = {"creep": creep_values(memory.creep), "temperature": warm}
             self._write("frame", frame, **_verification_values(found), **beside, cloud=cloud, seconds=seconds)
             if is_due(memory.streak, self.options):
                 self._recalibrate(rig)

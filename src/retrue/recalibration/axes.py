@@ -1,0 +1,74 @@
+"""How the pose moved and how well it is known, axis by axis: points tell some of them far better than others.
+
+Of a pair of cameras side by side the rotation about the baseline moves every point up or down, across its epipolar
+line, and is known best. Turning about the line of sight shears the rows. Turning the cameras towards each other moves
+points along their lines: all but the lens's bend of it passes for depth, so that it is known worst, and errors of it
+come with errors of t towards the scene.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from retrue.geometry.arrays import FloatArray
+from retrue.geometry.transform import RigidTransform, vector_from_rotation
+from retrue.geometry.two_view import tangent_basis
+from retrue.recalibration.result import Evidence
+
+NAMES = (
+    "rotation about the baseline",
+    "rotation about the line of sight",
+    "rotation towards each other",
+    "direction of t across the line of sight",
+    "direction of t towards the scene",
+)
+SIDEWAYS = 0.1  # sine of the angle between baseline and line of sight, below which no plane holds both
+
+
+@dataclass(frozen=True, slots=True)
+class AxisMove:
+    """By how much the pose moved about one axis, and one standard deviation of where it now is; degrees."""
+
+    name: str
+    moved_deg: float
+    sigma_deg: float
+
+
+def axes_of(old: RigidTransform, evidence: Evidence) -> tuple[AxisMove, ...]:
+    """The move from the old pose to what the captures support, on five axes; empty where they support none.
+
+    The axes are the old t (in the projector's frame, or the second camera's), its line of sight made normal to that,
+    and what is normal to both; t turns towards the latter two.
+
+    >>> found = Evidence(9, details={"covariance": np.eye(5).tolist()})
+    >>> axes_of(RigidTransform(np.eye(3), [-1.0, 0, 0]), found)
+    ()
+    """
+    new, covariance = evidence.pose, evidence.details.get("covariance")
+    if new is None or covariance is None:
+        return ()
+    baseline, sight, normal = pose_frame(old.t)
+    turn = vector_from_rotation(new.R @ old.R.T)
+    unit = new.t / np.linalg.norm(new.t)
+    tangent = tangent_basis(unit)
+    rows = np.zeros((5, 5))
+    rows[:3, :3] = baseline, sight, normal
+    rows[3:, 3:] = np.stack([normal, sight]) @ tangent
+    moved = np.concatenate([rows[:3, :3] @ turn, np.stack([normal, sight]) @ (unit - baseline)])
+    variance = np.einsum("ij,jk,ik->i", rows, np.asarray(covariance, dtype=np.float64), rows)
+    sigma = np.degrees(np.sqrt(np.maximum(variance, 0.0)))
+    degrees = np.degrees(moved)
+    return tuple(AxisMove(*one) for one in zip(NAMES, degrees.tolist(), sigma.tolist(), strict=True))
+
+
+def pose_frame(t: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Unit vectors: along t, along the line of sight as far as that is normal to t, and normal to both."""
+    baseline = t / np.linalg.norm(t)
+    sight = np.array([0.0, 0.0, 1.0])
+    if not np.linalg.norm(np.cross(baseline, sight)) > SIDEWAYS:
+        sight = np.array([0.0, 1.0, 0.0])
+    sight = sight - (sight @ baseline) * baseline
+    sight /= np.linalg.norm(sight)
+    return baseline, sight, np.cross(sight, baseline)
