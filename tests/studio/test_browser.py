@@ -1,4 +1,4 @@
-"""The studio as people use it, in headless Chromium: from an empty folder to a rig that is calibrated, bumped, mended."""
+"""The studio as people use it, in headless Chromium: from an empty folder to a rig that was bumped and mended."""
 
 from __future__ import annotations
 
@@ -168,7 +168,7 @@ def test_from_an_empty_folder_to_a_rig_that_is_calibrated_bumped_and_mended(brow
         expect(page.get_by_role("img", name=re.compile("drift over time, [1-9]"))).to_be_visible(timeout=PATIENCE)
         press(page, "Check", "^good: ")
         page.get_by_role("button", name="Bump", exact=True).click()
-        expect(page.get_by_role("status")).to_contain_text(re.compile("^drifted: .*; check it"), timeout=PATIENCE)
+        expect(page.get_by_role("status")).to_contain_text(re.compile("^drifted: .*; press Check"), timeout=PATIENCE)
         photograph(page, pictures, "5-watched")
         page.get_by_role("switch", name="Watch").click()
         expect(page.get_by_role("status")).to_contain_text("not watched any more", timeout=PATIENCE)

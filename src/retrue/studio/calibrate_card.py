@@ -12,6 +12,7 @@ from retrue.studio.state import State
 from retrue.studio.studio import Studio
 
 EXAMPLE_BOARD = "chessboard:9x7:29mm"
+GOOD, BAD = "text-green-8", "text-orange-9"  # dark enough on white, and light enough on black
 RASTERS = (("camera", "camera_cells"), ("projector", "projector_cells"))
 
 
@@ -24,7 +25,6 @@ class CalibrateCard:
             self._board = ui.input("board", value=studio.begun or EXAMPLE_BOARD).classes("grow")
             self._board.tooltip(HOW)
             self._start = ui.button("Calibrate", on_click=lambda: studio.calibrate(self._board.value or ""))
-            self._start.props("outline")
         with ui.card().classes("w-full gap-2") as self._card:
             self._title = ui.label().classes("text-lg")
             with ui.row().classes("w-full gap-4 no-wrap"):
@@ -43,6 +43,7 @@ class CalibrateCard:
         self._before.set_visibility(progress is None)
         self._card.set_visibility(progress is not None)
         self._start.set_enabled(state.look is not None and not state.busy)
+        self._start.props(**{"add" if state.rig_there else "remove": "outline"})
         if progress is None or progress is self._shown:
             return
         if self._shown is None or progress.result is not self._shown.result:
@@ -69,8 +70,8 @@ class CalibrateCard:
         good = isinstance(result, Calibrated)
         with self._result:
             headline = self._ui.label(f"{'calibrated' if good else 'refused'}: {result.reason}")
-            headline.classes(f"font-medium {'text-positive' if good else 'text-warning'}")
+            headline.classes(f"font-medium {GOOD if good else BAD}")
             for name, words in result_rows(result).items():
                 self._ui.label(f"{name}: {words}")
             for advice in result.evidence.get("advice", ()):
-                self._ui.label(f"to do better: {advice}").classes("text-warning")
+                self._ui.label(f"to do better: {advice}").classes(BAD)

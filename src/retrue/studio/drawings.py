@@ -10,6 +10,7 @@ import numpy as np
 
 from retrue.geometry.arrays import FloatArray
 from retrue.reconstruction.cloud import Cloud
+from retrue.shown import figures
 from retrue.studio.calibrating import Progress
 from retrue.studio.drift_log import Reading
 from retrue.studio.guide import CELLS
@@ -21,7 +22,7 @@ VIEW = 4.0  # units of the scene that a cloud is scaled to
 SEEN, WISHED = "#00e5ff", "#ffb300"
 COLORS = {"good": "#21a366", "drifted": "#e5484d", "unknown": "#8b8d98"}
 PLOT = 320, 120  # units of the drift's drawing
-LEFT, BELOW = 42, 16  # of it, for the words at its axes
+LEFT, BELOW = 54, 16  # of it, for the words at its axes
 
 
 def dots(look: Look) -> str:
@@ -85,7 +86,7 @@ def drift_plot(readings: Sequence[Reading], unit: str) -> str:
     hull = " ".join(f"{a:.1f},{b:.1f}" for a, b in band)
     words = (
         f'<text x="{LEFT - 4}" y="{y(0):.0f}" text-anchor="end">0</text>'
-        f'<text x="{LEFT - 4}" y="{y(top) + 8:.0f}" text-anchor="end">{top:.2g} {unit}</text>'
+        f'<text x="{LEFT - 4}" y="{y(top) + 8:.0f}" text-anchor="end">{figures(top)} {unit}</text>'
     )
     if readings:
         first, last = (datetime.fromtimestamp(moment.at) for moment in (readings[0], readings[-1]))

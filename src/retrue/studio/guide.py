@@ -16,7 +16,7 @@ import numpy as np
 
 from retrue.calibration.board import Board
 from retrue.calibration.detection import BoardCorners
-from retrue.errors import DegenerateError
+from retrue.errors import DegenerateError, InputError
 from retrue.geometry.arrays import FloatArray
 from retrue.geometry.homography import apply_homography, fit_homography
 from retrue.geometry.transform import RigidTransform, nearest_rotation, rotation_from_vector
@@ -88,11 +88,11 @@ class Guide:
         xy = xy - 0.5 * (xy.min(axis=0) + xy.max(axis=0))
         try:
             columns = np.linalg.inv(self.K) @ fit_homography(xy, corners.pixels, source_sigma=0.0)
-        except DegenerateError:
+            columns = columns * (np.sign(columns[2, 2]) / np.sqrt(np.prod(np.linalg.norm(columns[:, :2], axis=0))))
+            x, y, t = (np.asarray(column, dtype=np.float64) for column in columns.T)
+            pose = RigidTransform(nearest_rotation(np.column_stack([x, y, np.cross(x, y)])), t)
+        except (DegenerateError, InputError):
             return None
-        columns = columns * (np.sign(columns[2, 2]) / np.sqrt(np.prod(np.linalg.norm(columns[:, :2], axis=0))))
-        x, y, t = (np.asarray(column, dtype=np.float64) for column in columns.T)
-        pose = RigidTransform(nearest_rotation(np.column_stack([x, y, np.cross(x, y)])), t)
         return SeenBoard(pose, corners.pixels, self._guessed(corners.pixels) if projector_px is None else projector_px)
 
     @cached_property

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from retrue.calibration.result import Calibrated
-from retrue.studio.calibrate_card import CalibrateCard
+from retrue.studio.calibrate_card import BAD, GOOD, CalibrateCard
 from retrue.studio.drawings import VIEW, dots, drift_plot, outlines, placed
 from retrue.studio.look import Look
 from retrue.studio.state import State
@@ -17,14 +17,14 @@ from retrue.studio.studio import NO_RIG, Studio
 REFRESH = 0.25  # seconds
 SCENE = 340, 280  # pixels: what fits a telephone
 METERS = ("light", "clipping", "stillness", "blocks")
-GOOD, BAD = "text-positive", "text-warning"
 
 
 class Page:
     """Builds the tab, and renews what it shows."""
 
     def __init__(self, ui: Any, studio: Studio) -> None:
-        self._studio, self._seen, self._cloud_shown, self._plotted = studio, -1, None, -1
+        self._ui, self._studio, self._seen, self._cloud_shown, self._plotted = ui, studio, -1, None, -1
+        self._scene: Any = None
         with ui.column().classes("w-full max-w-6xl mx-auto p-2 gap-3"):
             self._sentence = ui.label("opening the devices").classes("text-3xl font-medium").props('aria-live="polite"')
             with ui.row().classes("w-full gap-4 items-start"):
@@ -37,8 +37,8 @@ class Page:
                     self._calibrate = CalibrateCard(ui, studio)
                     self._blend = ui.slider(min=0, max=1, step=1, value=1).props('aria-label="before or after"')
                     self._blend.on_value_change(self._show_clouds)
-                    self._caption = ui.label()
-                    self._scene = ui.scene(width=SCENE[0], height=SCENE[1], grid=False, background_color="#30343a")
+                    with ui.column().classes("gap-2") as self._clouds:
+                        self._caption = ui.label()
                     self._plot = ui.html("", sanitize=False).classes("w-full")
         self._refresh()
         ui.timer(REFRESH, self._refresh)
@@ -71,7 +71,7 @@ class Page:
         self._watch.set_value(state.watching)
         self._blend.set_visibility(state.offer is not None)
         shown = state.offer if state.offer is not None else state.cloud
-        self._scene.set_visibility(shown is not None)
+        self._clouds.set_visibility(shown is not None)
         if shown is not self._cloud_shown:
             self._cloud_shown = shown
             self._show_clouds()
@@ -110,8 +110,14 @@ class Page:
             self._caption.set_text("after: with the new rig" if after else "before: with the rig as it is in the file")
         else:
             self._caption.set_text("" if cloud is None else f"{len(cloud)} points")
+        if cloud is None:
+            return
+        if self._scene is None:  # one that is made while it is hidden has no size
+            width, height = SCENE
+            with self._clouds:
+                self._scene = self._ui.scene(width=width, height=height, grid=False, background_color="#30343a")
         self._scene.clear()
-        if cloud is not None and len(cloud):
+        if len(cloud):
             with self._scene:
                 points, colors = placed(cloud, middle)
                 self._scene.point_cloud(points, colors, point_size=0.05)

@@ -224,7 +224,7 @@ class Studio:
             finally:
                 self._set(busy="", rig_there=self.rig_path.exists())
             live.projector.show(self._shown(live, pattern))
-            before = None
+            before = self._settled(live)
 
     def _expose(self, live: LiveRig) -> None:
         """Once, where nobody said how long; a camera that cannot be told is used as it is."""
@@ -273,7 +273,7 @@ class Studio:
         last = self.state.readings[-1].verdict if self.state.readings else "good"
         self._set(readings=tuple(self._drift.readings))
         if found.verdict != last and found.verdict == "drifted":
-            self._set(message=f"drifted: {found.reason}; check it")
+            self._set(message=f"drifted: {found.reason}; press Check")
 
     def _check(self, live: LiveRig, pattern: ColorGrid) -> None:
         rig = self._rig()
