@@ -9,7 +9,7 @@ PYTEST ?=  # options of pytest
 
 unexport PYTHONPATH  # what is installed is what is tried
 
-.PHONY: test static dynamic demo docs examples browser display format lock wheels clean
+.PHONY: test static dynamic demo docs examples browser display shells format lock wheels clean
 
 # On two cores.
 test: .venv/dev.stamp .venv/run.stamp
@@ -41,6 +41,9 @@ browser:  # for the tests of the HTML reports and the manual, on Debian; without
 
 display:  # a virtual screen for the tests of the projector's window, on Debian; without it they are skipped
 	command -v Xvfb || (apt-get update && DEBIAN_FRONTEND=noninteractive apt-get install --yes --no-install-recommends xvfb libgl1 libgl1-mesa-dri)
+
+shells:  # for the tests of completion, on Debian; without them they are skipped
+	command -v zsh || (apt-get update && DEBIAN_FRONTEND=noninteractive apt-get install --yes --no-install-recommends zsh)
 
 format: .venv/dev.stamp
 	$(BIN)/ruff check --fix .
