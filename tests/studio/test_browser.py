@@ -10,9 +10,10 @@ import socket
 import subprocess
 import sys
 import time
+import tomllib
 import urllib.error
 import urllib.request
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -20,15 +21,30 @@ import numpy as np
 import pytest
 
 import retrue
+from retrue.devices.drivers import make_rig
+from retrue.devices.setup import parse_setup
 from retrue.geometry.transform import direction_angle, rotation_angle
+from tests.docs.pages import DOCS, ROOT, blocks
 
 pytestmark = pytest.mark.skipif(shutil.which("chromium") is None, reason="no chromium: make browser")
 CODE = "from retrue.cli.main import main; import sys; sys.exit(main())"
 PATIENCE = 60_000  # ms
 # NiceGUI behaves in another way where it takes itself to be tested by its own tools.
 ENVIRONMENT = {name: value for name, value in os.environ.items() if not name.startswith(("PYTEST", "NICEGUI"))}
+if "PYTHONPATH" in ENVIRONMENT:  # also where a server runs in another folder
+    ENVIRONMENT["PYTHONPATH"] = os.pathsep.join(
+        str(Path(path).absolute()) for path in ENVIRONMENT["PYTHONPATH"].split(os.pathsep)
+    )
 SCREENS = (1280, 900), (390, 844)
 SOFTWARE_WEBGL = ["--use-gl=angle", "--use-angle=swiftshader", "--enable-unsafe-swiftshader"]
+
+
+def started(words: Sequence[str], folder: Path) -> subprocess.Popen[str]:
+    """`retrue` with those words, in that folder."""
+    command = [sys.executable, "-c", CODE, *words]
+    return subprocess.Popen(
+        command, stderr=subprocess.PIPE, stdout=subprocess.PIPE, text=True, env=ENVIRONMENT, cwd=folder
+    )
 
 
 class Server:
@@ -38,13 +54,7 @@ class Server:
         with socket.create_server(("127.0.0.1", 0)) as free:
             self.port = free.getsockname()[1]
         words = ["studio", "--simulated", "--folder", str(folder), "--port", str(self.port)]
-        self.process = subprocess.Popen(
-            [sys.executable, "-c", CODE, *words],
-            stderr=subprocess.PIPE,
-            stdout=subprocess.PIPE,
-            text=True,
-            env=ENVIRONMENT,
-        )
+        self.process = started(words, folder.parent)
         assert self.process.stderr is not None
         found = re.search(r"open (http://\S+);", self.process.stderr.readline())
         assert found is not None
@@ -175,6 +185,12 @@ def test_from_an_empty_folder_to_a_rig_that_is_calibrated_bumped_and_mended(brow
         other = opened(browser, server.address, complaints, viewport={"width": 390, "height": 844}, color_scheme="dark")
         press(other, "Check", "^drifted: .* recalibrated: ")
         expect(page.get_by_role("status")).to_contain_text("recalibrated", timeout=PATIENCE)  # both tabs show the same
+        expect(page.get_by_text("after: with the new rig")).to_be_visible(timeout=PATIENCE)
+        page.get_by_role("slider").click(position={"x": 3, "y": 10})
+        expect(page.get_by_text("before: with the rig as it is in the file")).to_be_visible(timeout=PATIENCE)
+        canvas = page.locator("canvas").bounding_box()
+        assert canvas is not None
+        assert min(canvas["width"], canvas["height"]) > 200
         photograph(page, pictures, "6-drifted")
         assert retrue.read_rig(folder / "rig.json") == calibrated  # nothing is written before it is kept
         press(page, "Keep", "^kept as entry 2 ")
@@ -200,6 +216,28 @@ def test_from_an_empty_folder_to_a_rig_that_is_calibrated_bumped_and_mended(brow
         assert (status, said) == (0, "ended\n")
     finally:
         server.process.kill()
+
+
+def test_the_quick_start_opens_the_studio_as_it_stands(tmp_path: Path):
+    page = (DOCS / "quick-start.md").read_text(encoding="utf-8")
+    calls = [line for block in blocks(page) if block.language == "sh" for line in block.text.splitlines()]
+    extras = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]["optional-dependencies"]
+    assert calls == ['pip install ".[studio]"', "retrue studio --simulated", "retrue studio setup.toml"]
+    assert "studio" in extras
+    (setup,) = [block.text for block in blocks(page) if block.language == "toml"]
+    parsed = parse_setup(setup)
+    make_rig(parsed)  # each setting is one that its driver has
+    (tmp_path / "setup.toml").write_text((DOCS / "try" / "setup.toml").read_text())
+    for call in calls[1:]:
+        process = started(call.split()[1:], tmp_path)
+        try:
+            assert process.stderr is not None
+            found = re.search(r"open (http://127\.0\.0\.1:8090/\?token=\S+);", process.stderr.readline())
+            assert found is not None
+            assert answered(found[1].partition("?")[0], {}) == 401  # somebody is there, who asks for the token
+        finally:
+            process.send_signal(signal.SIGINT)
+            process.communicate(timeout=60)
 
 
 def test_nobody_gets_in_without_the_token_and_a_port_in_use_is_one_sentence(tmp_path: Path):

@@ -150,4 +150,6 @@ Distance from the true pose, rotation and direction of t:
   {before["rotation_deg"]:.2f} deg and {before["translation_deg"]:.2f} deg before,
   {after["rotation_deg"]:.3f} deg and {after["translation_deg"]:.3f} deg after.
 Reconstructed {report["points"]} points and {report["faces"]} faces.
-Open {folder}/report.html in a browser to see it all; {beside}"""
+Open {folder}/report.html in a browser to see it all; {beside}
+Next, a rig to calibrate, bump and mend in your browser, with no hardware: make studio
+(or pip install ".[studio]", then retrue studio --simulated)"""
