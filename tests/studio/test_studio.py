@@ -2,17 +2,21 @@
 
 from __future__ import annotations
 
+import re
 import time
 from collections.abc import Callable, Iterator
+from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 
 import retrue
+from retrue.devices.drivers import LiveRig
 from retrue.devices.options import SimulatedOptions
-from retrue.devices.setup import parse_setup
-from retrue.devices.simulated_rig import default_rig
+from retrue.devices.setup import Setup, parse_setup
+from retrue.devices.simulated_rig import SimulatedRig, default_rig
 from retrue.errors import DeviceError, FileError
 from retrue.files.rigs import write_rig
 from retrue.studio.look import look_at
@@ -176,3 +180,54 @@ def test_one_sentence_says_what_to_do():
     assert look_at(pattern, np.ascontiguousarray(image[:, ::-1])).sentence.startswith("mirrored: ")
     plain = np.full_like(image, 120)
     assert not look_at(pattern, plain).good
+
+
+@dataclass
+class Unsettable:
+    """A camera that neither tells its exposure nor lets it be set."""
+
+    camera: Any
+    name: str = "camera 0"
+    triggered: bool = False
+    exposure_ms: float | None = None
+
+    def __getattr__(self, name: str) -> Any:
+        return getattr(self.camera, name)
+
+
+def test_devices_that_are_not_there_are_named_and_waited_for_and_one_that_clips_is_used_as_it_is(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+):
+    problems = [
+        DeviceError("screen 1", "there is no display: log in to a desktop, or set DISPLAY or WAYLAND_DISPLAY"),
+        DeviceError(
+            "screen 1", "there is no such screen, found 1, numbered 0 to 0: switch the projector on, plug it in"
+        ),
+        DeviceError("camera 0", "cannot be opened: is it plugged in?"),
+    ]
+    waiting, seen = list(problems), list[str]()
+    rig = SimulatedRig(SimulatedOptions(bright_ms=2.0))
+
+    def made(*_: object) -> LiveRig:
+        if waiting:
+            raise waiting.pop(0)
+        return LiveRig(Unsettable(rig.camera), rig.projector)
+
+    monkeypatch.setattr("retrue.studio.studio.make_rig", made)
+    monkeypatch.setattr("retrue.studio.studio.PAUSE", 0.2)
+    studio = Studio(Setup({"driver": "opencv"}, {"driver": "window"}), tmp_path)
+    studio.start()
+
+    def looks(state: State) -> bool:
+        if state.message and state.message not in seen:
+            seen.append(state.message)
+        return state.look is not None
+
+    state = wait(studio, looks)
+    studio.stop()
+    assert seen[:3] == [str(problem) for problem in problems]
+    assert re.fullmatch(
+        r"camera 0: \d+ % of the picture is clipped under white, and its exposure cannot be .*", state.message
+    )
+    assert state.look is not None
+    assert state.look.sentence.startswith("clipped: ")
