@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 import retrue
+from retrue.calibration.reasons import BoardsParallel
 from retrue.calibration.result import Calibrated, RefusedCalibration
 from retrue.cli.main import main
 from retrue.devices.drivers import LiveRig
@@ -83,17 +84,22 @@ def test_from_an_empty_folder_through_a_kill_to_a_rig_and_the_same_from_the_comm
     assert len(list(tmp_path.glob("calibration-*/pose-*"))) == AIM
 
 
-def test_one_way_to_hold_the_board_is_not_enough_and_it_says_what_to_add(live: LiveRig, tmp_path: Path):
+def test_a_result_that_is_refused_says_what_to_add_and_more_poses_can_be_taken(
+    live: LiveRig, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+):
     calibrating = Calibrating(tmp_path / "calibration", BOARD, PATTERN, live.camera.frame().picture)
     followed(calibrating, live, 3)
-    name, capture = next(iter(calibrating.captures.items()))
-    calibrating.captures = {f"{name}-{number}": capture for number in range(3)}
+    refused = RefusedCalibration(BoardsParallel(1.0, "tilt the board more"))
+    monkeypatch.setattr("retrue.studio.calibrating.calibrate", lambda *_: refused)
     calibrating.fit()
-    assert isinstance(calibrating.result, RefusedCalibration)
-    assert "tilt the board more" in calibrating.result.reason
-    assert result_rows(calibrating.result) == {}
+    progress = calibrating.step(live, live.camera.frame().picture)
+    assert (progress.result, progress.wish) == (refused, None)
+    assert "tilt the board more" in refused.reason
+    assert result_rows(refused) == {}
     calibrating.go_on()
-    assert calibrating.step(live, live.camera.frame().picture).result is None
+    progress = calibrating.step(live, live.camera.frame().picture)
+    assert progress.result is None
+    assert progress.wish is not None
 
 
 def test_a_board_that_moves_while_it_is_taken_is_not(live: LiveRig, tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
@@ -138,3 +144,19 @@ def test_without_a_board_it_asks_for_one_and_a_full_disk_takes_no_pose(
         assert not calibrating.captures
     followed(calibrating, live, 1)  # there is room again
     assert len(calibrating.captures) == 1
+
+
+def test_what_lies_in_the_folder_must_be_what_is_calibrated(live: LiveRig, tmp_path: Path):
+    folder, picture = tmp_path / "calibration", live.camera.frame().picture
+    with pytest.raises(InputError, match="board: expected chessboard"):
+        Calibrating(folder, "rubbish", PATTERN, picture)
+    assert not folder.exists()
+    Calibrating(folder, BOARD, PATTERN, picture)
+    (folder / "pose-damaged").mkdir()
+    (folder / "pose-damaged" / "white.png").write_bytes(b"rubbish")
+    assert not Calibrating(folder, BOARD, PATTERN, picture).captures
+    with pytest.raises(FileError, match=r"pattern\.json: these poses were lit by another pattern"):
+        Calibrating(folder, BOARD, make_color_grid((640, 480)), picture)
+    (folder / "board.txt").write_text("rubbish")
+    with pytest.raises(FileError, match=r"board\.txt: board: expected chessboard"):
+        Calibrating(folder, BOARD, PATTERN, picture)

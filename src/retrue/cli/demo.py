@@ -141,7 +141,7 @@ def _story(folder: Path, report: dict[str, Any]) -> str:
     median = report["epipolar_median_px"]
     beside = "cloud.ply, mesh.ply and pictures lie beside it."
     if not any(name.endswith(".png") for name in report["files"]):
-        beside = "cloud.ply and mesh.ply lie beside it.\nFor pictures too: pip install 'retrue[plot]'"
+        beside = "cloud.ply and mesh.ply lie beside it.\nFor pictures too: pip install '.[plot]'"
     return f"""\
 Decoded {report["correspondences"]} correspondences from one picture in {report["decode_seconds"]:.2f} s.
 Recalibrated in {report["recalibrate_seconds"]:.2f} s: {report["reason"]}

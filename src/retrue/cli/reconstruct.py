@@ -54,7 +54,7 @@ class Reconstruct(ReportingCommand):
     mesh
         The mesh to write: PLY or OBJ in the rig's unit, STL in millimetres, GLB in metres, as the name ends.
     cad
-        The surfaces to write, STEP in millimetres; needs `pip install 'retrue[cad]'`.
+        The surfaces to write, STEP in millimetres; needs `pip install '.[cad]'`.
     fill_holes
         Fill holes that one smooth patch explains.
     normals

@@ -20,7 +20,7 @@ def require_nicegui() -> Any:
     try:
         return import_module("nicegui")
     except ImportError as error:
-        raise InputError("the studio needs nicegui: pip install 'retrue[studio]'") from error
+        raise InputError("the studio needs nicegui: pip install '.[studio]'") from error
 
 
 def require_free_port(port: int) -> None:

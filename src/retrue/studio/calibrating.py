@@ -27,7 +27,7 @@ from retrue.errors import FileError, InputError
 from retrue.files.atomic import read_text, replaced_file
 from retrue.files.board_captures import read_board_capture
 from retrue.files.capture_folder import write_capture
-from retrue.files.patterns import write_pattern
+from retrue.files.patterns import read_pattern, write_pattern
 from retrue.geometry.arrays import FloatArray, Image
 from retrue.patterns.color_grid import ColorGrid
 from retrue.simulation.board_scene import HeldBoard
@@ -79,8 +79,12 @@ class Calibrating:
     def __init__(self, folder: Path, board: str, pattern: ColorGrid, picture: Image) -> None:
         """Go on with what lies in the folder, which is made where it is not there; of the board that lies there."""
         self._folder, self._pattern = folder, pattern
-        self.board = begun(folder) or board.strip()
-        self._plan = parse_board(self.board)
+        there = begun(folder)
+        self.board = there or board.strip()
+        try:
+            self._plan = parse_board(self.board)
+        except InputError as error:
+            raise FileError(folder / BOARD_FILE, str(error)) if there else error from None
         self._guide = Guide(self._plan, picture_size(picture), pattern.projector_size)
         self.captures: dict[str, BoardCapture] = {}
         self.result: Calibrated | RefusedCalibration | None = None
@@ -180,8 +184,11 @@ class Calibrating:
             raise FileError(self._folder, f"cannot be made: {error.strerror or error}") from error
         with replaced_file(self._folder / BOARD_FILE) as stream:
             stream.write(f"{self.board}\n".encode())
-        if not (self._folder / "pattern.json").exists():
-            write_pattern(self._folder / "pattern.json", self._pattern)
+        path = self._folder / "pattern.json"
+        if not path.exists():
+            write_pattern(path, self._pattern)
+        elif not np.array_equal(read_pattern(path).render(), self._pattern.render()):
+            raise FileError(path, "these poses were lit by another pattern: put their folder away, and begin anew")
 
     def _progress(self, sentence: str, corners: BoardCorners | None = None, *, good: bool = False) -> Progress:
         guide, asked = self._guide, self.result is None

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Collection, Sequence
 from datetime import datetime
+from html import escape
 from typing import Any
 
 import numpy as np
@@ -86,7 +87,7 @@ def drift_plot(readings: Sequence[Reading], unit: str) -> str:
     hull = " ".join(f"{a:.1f},{b:.1f}" for a, b in band)
     words = (
         f'<text x="{LEFT - 4}" y="{y(0):.0f}" text-anchor="end">0</text>'
-        f'<text x="{LEFT - 4}" y="{y(top) + 8:.0f}" text-anchor="end">{figures(top)} {unit}</text>'
+        f'<text x="{LEFT - 4}" y="{y(top) + 8:.0f}" text-anchor="end">{figures(top)} {escape(unit)}</text>'
     )
     if readings:
         first, last = (datetime.fromtimestamp(moment.at) for moment in (readings[0], readings[-1]))

@@ -80,8 +80,11 @@ class Studio:
 
     @property
     def begun(self) -> str:
-        """The board of a calibration that can be gone on with; empty where there is none."""
-        return begun(self._poses)
+        """The board of a calibration that can be gone on with; empty where there is none that can be read."""
+        try:
+            return begun(self._poses)
+        except RetrueError:
+            return ""
 
     @property
     def unit(self) -> str:
