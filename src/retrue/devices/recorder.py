@@ -97,7 +97,7 @@ class Recorder:
             if frame is None:
                 return None
             found.append(frame)
-        return found[:-1] if self._matches(grey_levels(found[-1].picture), still[-1]) else None
+        return found[:-1] if self.references.agree(grey_levels(found[-1].picture), still[-1]) else None
 
     def measure(self) -> None:
         """Look at black and at white, and tell the noise of both."""
