@@ -9,7 +9,7 @@ PYTEST ?=  # options of pytest
 
 unexport PYTHONPATH  # what is installed is what is tried
 
-.PHONY: test static dynamic demo docs examples browser display format lock wheels clean
+.PHONY: test static dynamic demo studio docs examples browser display shells format lock wheels clean
 
 # On two cores.
 test: .venv/dev.stamp .venv/run.stamp
@@ -28,6 +28,10 @@ dynamic: .venv/dev.stamp .venv/run.stamp
 demo: .venv/run.stamp
 	$(BIN)/retrue demo --out demo-out
 
+# A rig in the browser, simulated: no hardware is needed.
+studio: .venv/studio.stamp
+	$(BIN)/retrue studio --simulated
+
 # The manual, into build/manual: readable from disk.
 docs: .venv/dev.stamp .venv/run.stamp
 	NO_MKDOCS_2_WARNING=1 $(BIN)/mkdocs build --strict
@@ -40,7 +44,10 @@ browser:  # for the tests of the HTML reports and the manual, on Debian; without
 	command -v chromium || (apt-get update && DEBIAN_FRONTEND=noninteractive apt-get install --yes --no-install-recommends chromium)
 
 display:  # a virtual screen for the tests of the projector's window, on Debian; without it they are skipped
-	command -v Xvfb || (apt-get update && DEBIAN_FRONTEND=noninteractive apt-get install --yes --no-install-recommends xvfb libgl1 libgl1-mesa-dri)
+	(command -v Xvfb && command -v weston) || (apt-get update && DEBIAN_FRONTEND=noninteractive apt-get install --yes --no-install-recommends xvfb weston libgl1 libgl1-mesa-dri libegl1)
+
+shells:  # for the tests of completion, on Debian; without them they are skipped
+	command -v zsh || (apt-get update && DEBIAN_FRONTEND=noninteractive apt-get install --yes --no-install-recommends zsh)
 
 format: .venv/dev.stamp
 	$(BIN)/ruff check --fix .
@@ -48,7 +55,8 @@ format: .venv/dev.stamp
 
 lock: .venv/dev.stamp
 	$(COMPILE) pyproject.toml --extra plot -o requirements.lock
-	$(COMPILE) pyproject.toml --group dev -c requirements.lock -o requirements-dev.lock
+	$(COMPILE) pyproject.toml --extra studio -c requirements.lock -o requirements-studio.lock
+	$(COMPILE) pyproject.toml --group dev -c requirements.lock -c requirements-studio.lock -o requirements-dev.lock
 
 # Into dist: for Linux from glibc 2.17 on, by Zig; the one for this machine is tried in an environment of its own.
 wheels:
@@ -71,6 +79,10 @@ clean:
 
 .venv/run.stamp: .venv/locked.stamp pyproject.toml $(COMPILED)
 	$(INSTALL) --no-deps --editable .
+	touch $@
+
+.venv/studio.stamp: requirements-studio.lock .venv/run.stamp
+	$(INSTALL) --require-hashes -r requirements-studio.lock
 	touch $@
 
 .venv/dev.stamp: requirements-dev.lock .venv/locked.stamp

@@ -131,7 +131,7 @@ MISTAKES: list[tuple[Callable[[], object], str]] = [
     (lambda: retrue.write_rig("rig.json", ACCEPTED), "rig: expected a Rig, found an Accepted; hand in its .rig"),
     (lambda: retrue.write_points("p.csv", CLOUD), "points: expected a Correspondences, found a Cloud"),
     (lambda: retrue.write_mesh("m.ply", CLOUD), "mesh: expected a Mesh, found a Cloud"),
-    (lambda: retrue.write_in_place("rig.json", RIG), "result: expected an Accepted, found a Rig"),
+    (lambda: retrue.write_in_place("rig.json", RIG), "result: expected an Accepted or Calibrated, found a Rig"),
     (
         lambda: retrue.recalibrate(RIG, [POINTS], {"min_points": 4}),
         "options: expected a RecalibrateOptions, found a dict",

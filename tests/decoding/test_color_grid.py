@@ -231,6 +231,10 @@ def test_a_white_and_a_black_picture_tell_the_light_of_all_colours():
     points = decode_color_grid(GRID, grid, black, white)
     assert points.light_class is None
     assert scatter_of_light(points, irradiance(points)) < 0.01
+    assert points.colors is not None
+    column, row = points.camera_px.round().astype(int).T
+    apart = points.colors.astype(int) - white[row, column]  # true colours, and not those of the pattern
+    assert np.percentile(np.abs(apart), 95) <= 6
     without = decode_color_grid(GRID, grid, white=white)
     assert (without.light, without.light_class) == (None, None)
 

@@ -1,4 +1,4 @@
-"""Virtual screens: an X server that draws into memory, whose pixels can be read."""
+"""Virtual screens: an X server that draws into memory, whose pixels can be read; and a Wayland desktop on it."""
 
 from __future__ import annotations
 
@@ -14,6 +14,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+needs_wayland = pytest.mark.skipif(
+    shutil.which("Xvfb") is None or shutil.which("weston") is None, reason="no Wayland desktop: make display"
+)
 needs_screen = pytest.mark.skipif(shutil.which("Xvfb") is None, reason="no virtual screen: make display")
 
 
@@ -43,6 +46,33 @@ def virtual_screen(folder: Path, size: tuple[int, int]) -> Generator[VirtualScre
             os.environ.pop(name, None)
             if value is not None:
                 os.environ[name] = value
+
+
+@contextlib.contextmanager
+def wayland_desktop(folder: Path, size: tuple[int, int]) -> Generator[tuple[VirtualScreen, dict[str, str]]]:
+    """A compositor whose only output fills a virtual screen, and the environment in which programs find it.
+
+    Nested in an X server, it has a keyboard and a pointer; without any, GLFW does not start.
+    """
+    folder.chmod(0o700)
+    with virtual_screen(folder, size) as screen:
+        settings = {**os.environ, "XDG_RUNTIME_DIR": str(folder), "LIBGL_ALWAYS_SOFTWARE": "1"}
+        output = [f"--width={size[0]}", f"--height={size[1]}", "--use-pixman"]
+        desktop = ["--backend=x11-backend.so", "--shell=kiosk-shell.so", "--socket=wayland-test", "--idle-time=0"]
+        server = subprocess.Popen(
+            ["weston", *desktop, *output], env=settings, stderr=subprocess.DEVNULL, stdout=subprocess.DEVNULL
+        )
+        try:
+            end = time.monotonic() + 60
+            while not (folder / "wayland-test").is_socket():
+                assert server.poll() is None
+                assert time.monotonic() < end
+                time.sleep(0.05)
+            settings.pop("DISPLAY")
+            yield screen, {**settings, "WAYLAND_DISPLAY": "wayland-test", "XDG_SESSION_TYPE": "wayland"}
+        finally:
+            server.terminate()
+            server.wait()
 
 
 class VirtualScreen:

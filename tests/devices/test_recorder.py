@@ -121,3 +121,32 @@ def test_a_camera_that_is_triggered_takes_one_frame_a_picture():
     frames = recorder.record(GRAY)
     assert camera.faults(GRAY, frames) == []
     assert camera.frames == 3 * (len(GRAY) + 2)
+
+
+def test_what_is_held_is_recorded_as_it_stands_or_not_at_all():
+    """White, then other pictures, then white again: the frames are those of the pictures, none of them mixed."""
+    for seed in range(6):
+        random = np.random.default_rng(seed)
+        rig = small_rig(seed=seed, lag_frames=int(random.integers(6)), readout=float(random.uniform(0, 0.9)))
+        camera, white = Witness(rig), np.full_like(GRAY[0], 255)
+        rig.projector.show(np.repeat(white[..., None], 3, axis=2))
+        for _ in range(8):
+            camera.frame()
+        shown = [white, GRAY[int(random.integers(4))], np.zeros_like(white)]
+        frames = Recorder(camera, rig.projector).record_held(shown)
+        assert frames is not None
+        assert camera.faults(shown, frames) == []
+
+    show, calls = rig.show, list[float]()
+
+    def bumped(picture: np.ndarray, at: float) -> float:
+        calls.append(at)
+        if len(calls) == 3:  # as white comes back
+            rig.bump((0.0, 0.3, 0.0))
+        return show(picture, at)
+
+    rig.projector.show(np.repeat(white[..., None], 3, axis=2))
+    for _ in range(8):
+        camera.frame()
+    rig.show = bumped  # type: ignore[method-assign]
+    assert Recorder(camera, rig.projector).record_held(shown) is None

@@ -13,7 +13,7 @@ import pytest
 from retrue.devices.window_projector import WindowProjector
 from retrue.errors import DeviceError
 from retrue.patterns.color_grid import make_color_grid
-from tests.devices.screens import needs_screen, virtual_screen
+from tests.devices.screens import needs_screen, needs_wayland, virtual_screen, wayland_desktop
 
 pytestmark = needs_screen
 SIZE = (800, 600)
@@ -74,3 +74,46 @@ def test_project_shows_each_picture_for_its_time_and_ends(tmp_path: Path):
         done = subprocess.run([sys.executable, *words, "small.png"], cwd=tmp_path, capture_output=True, text=True)
         assert done.returncode == 2
         assert "small.png: expected 800 x 600 pixels for screen 0, found 800 x 300" in done.stderr
+
+
+CHILD = """
+import sys, numpy as np
+from retrue.devices.window_projector import WindowProjector
+window = WindowProjector(0, (int(sys.argv[1]), int(sys.argv[2])))
+window.open()
+import glfw
+print(glfw.get_platform() == glfw.PLATFORM_WAYLAND, flush=True)
+for line in sys.stdin:
+    window.show(np.load(line.strip()))
+    print("shown", flush=True)
+window.close()
+"""
+
+
+@needs_wayland
+def test_under_wayland_too(tmp_path: Path):
+    """In a process of its own: which library GLFW loads depends on the desktop, and is settled once."""
+    runtime = tmp_path / "runtime"
+    runtime.mkdir()
+    grid = make_color_grid(SIZE).render()
+    noise = np.random.default_rng(1).integers(0, 256, grid.shape, dtype=np.uint8)
+    with wayland_desktop(runtime, SIZE) as (screen, environment):
+
+        def child(*size: int) -> subprocess.Popen[str]:
+            command = [sys.executable, "-c", CHILD, *map(str, size)]
+            pipe = subprocess.PIPE
+            return subprocess.Popen(command, env=environment, stdin=pipe, stdout=pipe, stderr=pipe, text=True)
+
+        window = child(*SIZE)
+        assert window.stdin is not None
+        assert window.stdout is not None
+        assert window.stdout.readline() == "True\n"
+        for number, picture in enumerate((np.zeros_like(grid), grid, noise, grid)):
+            np.save(tmp_path / f"{number}.npy", picture)
+            print(tmp_path / f"{number}.npy", file=window.stdin, flush=True)
+            assert window.stdout.readline() == "shown\n"
+            assert screen.shows(picture)
+        window.communicate(timeout=60)
+        assert window.returncode == 0
+        _, said = child(1024, 768).communicate(timeout=60)
+        assert "screen 0: expected 1024 x 768 pixels, found 800 x 600: set the screen" in said

@@ -31,7 +31,7 @@ class Sandbox:
         self.folder = folder
         self._names: dict[str, Any] = {}
         self._status = 0
-        for name in ("rig.json", "wall.jpg"):
+        for name in ("rig.json", "wall.jpg", "setup.toml"):
             shutil.copyfile(GIVEN / name, folder / name)
         retrue.write_pattern(folder / "pattern.json", given("pattern"))
         retrue.write_rig(folder / "calibration.yml", given("rig"), to="scan3d-capture")

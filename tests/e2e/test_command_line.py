@@ -190,7 +190,7 @@ def test_without_matplotlib_the_demo_leaves_its_page_and_says_what_draws_picture
     run = retrue("demo", "--out", tmp_path / "out")
     assert run.status == 0
     assert names(tmp_path / "out") == ["cloud.ply", "mesh.ply", "report.html", "rig.json"]
-    assert "pip install 'retrue[plot]'" in run.out
+    assert "pip install '.[plot]'" in run.out
     assert "and pictures" not in run.out
 
 
@@ -204,7 +204,7 @@ def test_without_matplotlib_the_demo_leaves_its_page_and_says_what_draws_picture
 )
 def test_what_draws_names_the_extra_before_any_work(retrue, tmp_path, no_matplotlib, arguments, what):
     run = retrue(*arguments, tmp_path / "out")
-    run.require_complaint(f"{what}: ", "pip install 'retrue[plot]'")
+    run.require_complaint(f"{what}: ", "pip install '.[plot]'")
     assert not (tmp_path / "out").exists()
 
 

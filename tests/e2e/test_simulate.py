@@ -26,7 +26,7 @@ def rig(tmp_path: Path) -> Path:
 
 
 def test_simulate_decode_recalibrate(tmp_path: Path, rig: Path, retrue: Retrue) -> None:
-    pytest.importorskip("mitsuba", reason='the renderer is not installed: pip install "retrue[simulate]"')
+    pytest.importorskip("mitsuba", reason='the renderer is not installed: pip install ".[simulate]"')
     write_pattern(tmp_path / "pattern.json", make_color_grid((320, 240), rows=14, columns=18))
     out = tmp_path / "made"
     made = retrue(

@@ -24,7 +24,7 @@ from retrue.simulation.options import SimulateOptions
 from retrue.simulation.scene import Scene, render
 from retrue.simulation.simulate import simulate
 
-pytest.importorskip("mitsuba", reason='the renderer is not installed: pip install "retrue[simulate]"')
+pytest.importorskip("mitsuba", reason='the renderer is not installed: pip install ".[simulate]"')
 
 # Lens shift in both devices, square pixels in neither, skew, lenses.
 CAMERA = Camera((200, 150), [[250, 1, 110], [0, 252, 60], [0, 0, 1]], [-0.15, 0.05, 0.001, -0.001, 0])

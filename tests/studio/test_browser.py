@@ -1,4 +1,4 @@
-"""The studio as people use it, in headless Chromium: see, bump, check, keep, undo, scan; two tabs; killed midway."""
+"""The studio as people use it, in headless Chromium: from an empty folder to a rig that was bumped and mended."""
 
 from __future__ import annotations
 
@@ -10,22 +10,41 @@ import socket
 import subprocess
 import sys
 import time
+import tomllib
 import urllib.error
 import urllib.request
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 
 import retrue
+from retrue.devices.drivers import make_rig
+from retrue.devices.setup import parse_setup
+from retrue.geometry.transform import direction_angle, rotation_angle
+from tests.docs.pages import DOCS, ROOT, blocks
 
 pytestmark = pytest.mark.skipif(shutil.which("chromium") is None, reason="no chromium: make browser")
 CODE = "from retrue.cli.main import main; import sys; sys.exit(main())"
 PATIENCE = 60_000  # ms
 # NiceGUI behaves in another way where it takes itself to be tested by its own tools.
 ENVIRONMENT = {name: value for name, value in os.environ.items() if not name.startswith(("PYTEST", "NICEGUI"))}
+if "PYTHONPATH" in ENVIRONMENT:  # also where a server runs in another folder
+    ENVIRONMENT["PYTHONPATH"] = os.pathsep.join(
+        str(Path(path).absolute()) for path in ENVIRONMENT["PYTHONPATH"].split(os.pathsep)
+    )
+SCREENS = (1280, 900), (390, 844)
 SOFTWARE_WEBGL = ["--use-gl=angle", "--use-angle=swiftshader", "--enable-unsafe-swiftshader"]
+
+
+def started(words: Sequence[str], folder: Path) -> subprocess.Popen[str]:
+    """`retrue` with those words, in that folder."""
+    command = [sys.executable, "-c", CODE, *words]
+    return subprocess.Popen(
+        command, stderr=subprocess.PIPE, stdout=subprocess.PIPE, text=True, env=ENVIRONMENT, cwd=folder
+    )
 
 
 class Server:
@@ -35,13 +54,7 @@ class Server:
         with socket.create_server(("127.0.0.1", 0)) as free:
             self.port = free.getsockname()[1]
         words = ["studio", "--simulated", "--folder", str(folder), "--port", str(self.port)]
-        self.process = subprocess.Popen(
-            [sys.executable, "-c", CODE, *words],
-            stderr=subprocess.PIPE,
-            stdout=subprocess.PIPE,
-            text=True,
-            env=ENVIRONMENT,
-        )
+        self.process = started(words, folder.parent)
         assert self.process.stderr is not None
         found = re.search(r"open (http://\S+);", self.process.stderr.readline())
         assert found is not None
@@ -102,36 +115,97 @@ def press(page: Any, button: str, answer: str) -> None:
     expect(page.get_by_role("status")).to_contain_text(re.compile(answer), timeout=PATIENCE)
 
 
-def test_from_an_empty_folder_through_a_bump_and_back(browser: Any, tmp_path: Path):
+def photograph(page: Any, folder: Path, name: str) -> None:
+    """The screen, wide and narrow, light and dark; nothing hangs over its edge."""
+    for width, height in SCREENS:
+        page.set_viewport_size({"width": width, "height": height})
+        for scheme in ("light", "dark"):
+            page.emulate_media(color_scheme=scheme)
+            page.wait_for_function(
+                "scheme => document.body.classList.contains('body--dark') === (scheme === 'dark')", arg=scheme
+            )
+            page.screenshot(path=folder / f"{name}-{width}-{scheme}.png", full_page=True)
+        assert page.evaluate("document.documentElement.scrollWidth <= innerWidth"), (name, width)
+    page.set_viewport_size({"width": 1280, "height": 900})
+
+
+def errors_deg(folder: Path) -> tuple[float, float]:
+    """Of the rig in place to where its devices are: rotation, and direction of t."""
+    found, true = (retrue.read_rig(folder / name).projector_from_camera for name in ("rig.json", "simulated-rig.json"))
+    return float(np.degrees(rotation_angle(found.R @ true.R.T))), float(np.degrees(direction_angle(found.t, true.t)))
+
+
+def test_from_an_empty_folder_to_a_rig_that_is_calibrated_bumped_and_mended(browser: Any, tmp_path: Path):
     from playwright.sync_api import expect
 
-    server, complaints = Server(tmp_path), list[str]()
+    complaints = list[str]()
+    folder, pictures = tmp_path / "studio", tmp_path / "screens"
+    server = Server(folder)
     try:
         page = opened(browser, server.address, complaints, viewport={"width": 1280, "height": 900})
         expect(page.get_by_text(re.compile(r"^good: \d+ blocks are seen"))).to_be_visible(timeout=PATIENCE)
         assert page.url == f"http://127.0.0.1:{server.port}/"  # the token does not stay in the address bar
         expect(page.locator("svg circle").first).to_be_attached()
-        before = retrue.read_rig(tmp_path / "rig.json")
+        expect(page.get_by_role("status")).to_have_text("there is no rig yet: calibrate it")
+        expect(page.get_by_role("button", name="Check", exact=True)).to_be_disabled()
+        photograph(page, pictures, "1-empty")
+
+        page.get_by_role("button", name="Calibrate", exact=True).click()
+        expect(page.get_by_text(re.compile("[3-8] of 8 poses"))).to_be_visible(timeout=PATIENCE)
+        server.end(signal.SIGKILL)  # in the middle
+        taken = sorted(path.name for path in (folder / "calibration").glob("pose-*"))
+        assert len(taken) >= 3
+        assert not (folder / "rig.json").exists()
+
+        server = Server(folder)
+        page = opened(browser, server.address, complaints, viewport={"width": 1280, "height": 900})
+        page.get_by_role("button", name="Calibrate", exact=True).click()
+        expect(page.locator("polygon.wish")).to_be_attached(timeout=PATIENCE)
+        photograph(page, pictures, "2-calibrating")
+        expect(page.get_by_text(re.compile("^calibrated: "))).to_be_visible(timeout=2 * PATIENCE)
+        expect(page.get_by_text("8 of 8 poses")).to_be_visible()
+        assert {path.name for path in (folder / "calibration").glob("pose-*")} > set(taken)
+        photograph(page, pictures, "3-calibrated")
+        press(page, "Keep", "^kept as entry 1 ")
+        calibrated = retrue.read_rig(folder / "rig.json")
+        rotation, direction = errors_deg(folder)
+        assert rotation < 0.25
+        assert direction < 0.5
+
+        press(page, "Scan", "points written to scan-")
+        photograph(page, pictures, "4-scanned")
+        page.get_by_role("switch", name="Watch").click()
+        expect(page.get_by_role("img", name=re.compile("drift over time, [1-9]"))).to_be_visible(timeout=PATIENCE)
         press(page, "Check", "^good: ")
-        press(page, "Bump", "turned by 3 deg")
+        page.get_by_role("button", name="Bump", exact=True).click()
+        expect(page.get_by_role("status")).to_contain_text(re.compile("^drifted: .*; press Check"), timeout=PATIENCE)
+        photograph(page, pictures, "5-watched")
+        page.get_by_role("switch", name="Watch").click()
+        expect(page.get_by_role("status")).to_contain_text("not watched any more", timeout=PATIENCE)
         other = opened(browser, server.address, complaints, viewport={"width": 390, "height": 844}, color_scheme="dark")
         press(other, "Check", "^drifted: .* recalibrated: ")
         expect(page.get_by_role("status")).to_contain_text("recalibrated", timeout=PATIENCE)  # both tabs show the same
-        page.screenshot(path=tmp_path / "wide.png")
-        other.screenshot(path=tmp_path / "narrow.png", full_page=True)
-        assert retrue.read_rig(tmp_path / "rig.json") == before
-        press(page, "Keep", "kept as entry 2")
-        assert retrue.read_rig(tmp_path / "rig.json") != before
+        expect(page.get_by_text("after: with the new rig")).to_be_visible(timeout=PATIENCE)
+        page.get_by_role("slider").click(position={"x": 3, "y": 10})
+        expect(page.get_by_text("before: with the rig as it is in the file")).to_be_visible(timeout=PATIENCE)
+        canvas = page.locator("canvas").bounding_box()
+        assert canvas is not None
+        assert min(canvas["width"], canvas["height"]) > 200
+        photograph(page, pictures, "6-drifted")
+        assert retrue.read_rig(folder / "rig.json") == calibrated  # nothing is written before it is kept
+        press(page, "Keep", "^kept as entry 2 ")
+        rotation, direction = errors_deg(folder)
+        assert rotation < 0.25
+        assert direction < 0.5
 
         server.end(signal.SIGKILL)
-        kept = (tmp_path / "rig.json").read_bytes()
-        server = Server(tmp_path)
-        page = opened(browser, server.address, [], viewport={"width": 1280, "height": 900})
+        kept = (folder / "rig.json").read_bytes()
+        server = Server(folder)
+        page = opened(browser, server.address, complaints, viewport={"width": 1280, "height": 900})
         press(page, "Check", "^good: ")
-        assert (tmp_path / "rig.json").read_bytes() == kept
-        press(page, "Scan", "points written to scan-")
+        assert (folder / "rig.json").read_bytes() == kept
         press(page, "Undo", "undone")
-        assert retrue.read_rig(tmp_path / "rig.json").projector_from_camera == before.projector_from_camera
+        assert retrue.read_rig(folder / "rig.json").projector_from_camera == calibrated.projector_from_camera
         page.get_by_role("button", name="Check", exact=True).focus()  # and by keyboard
         page.keyboard.press("Enter")
         expect(page.get_by_role("status")).to_contain_text("drifted", timeout=PATIENCE)
@@ -142,6 +216,28 @@ def test_from_an_empty_folder_through_a_bump_and_back(browser: Any, tmp_path: Pa
         assert (status, said) == (0, "ended\n")
     finally:
         server.process.kill()
+
+
+def test_the_quick_start_opens_the_studio_as_it_stands(tmp_path: Path):
+    page = (DOCS / "quick-start.md").read_text(encoding="utf-8")
+    calls = [line for block in blocks(page) if block.language == "sh" for line in block.text.splitlines()]
+    extras = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]["optional-dependencies"]
+    assert calls == ['pip install ".[studio]"', "retrue studio --simulated", "retrue studio setup.toml"]
+    assert "studio" in extras
+    (setup,) = [block.text for block in blocks(page) if block.language == "toml"]
+    parsed = parse_setup(setup)
+    make_rig(parsed)  # each setting is one that its driver has
+    (tmp_path / "setup.toml").write_text((DOCS / "try" / "setup.toml").read_text())
+    for call in calls[1:]:
+        process = started(call.split()[1:], tmp_path)
+        try:
+            assert process.stderr is not None
+            found = re.search(r"open (http://127\.0\.0\.1:8090/\?token=\S+);", process.stderr.readline())
+            assert found is not None
+            assert answered(found[1].partition("?")[0], {}) == 401  # somebody is there, who asks for the token
+        finally:
+            process.send_signal(signal.SIGINT)
+            process.communicate(timeout=60)
 
 
 def test_nobody_gets_in_without_the_token_and_a_port_in_use_is_one_sentence(tmp_path: Path):

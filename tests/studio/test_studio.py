@@ -2,16 +2,23 @@
 
 from __future__ import annotations
 
+import re
 import time
 from collections.abc import Callable, Iterator
+from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 
 import retrue
-from retrue.devices.setup import parse_setup
-from retrue.errors import DeviceError
+from retrue.devices.drivers import LiveRig
+from retrue.devices.options import SimulatedOptions
+from retrue.devices.setup import Setup, parse_setup
+from retrue.devices.simulated_rig import SimulatedRig, default_rig
+from retrue.errors import DeviceError, FileError
+from retrue.files.rigs import write_rig
 from retrue.studio.look import look_at
 from retrue.studio.studio import State, Studio
 
@@ -35,13 +42,15 @@ def asked(studio: Studio, wish: Callable[[], None]) -> State:
 
 @pytest.fixture
 def studio(tmp_path: Path) -> Iterator[Studio]:
+    """Of a rig that is calibrated already."""
+    write_rig(tmp_path / "rig.json", default_rig(SimulatedOptions()))
     studio = Studio(SETUP, tmp_path)
     studio.start()
     yield studio
     studio.stop()
 
 
-def test_from_an_empty_folder_to_a_bump_that_is_found_kept_and_undone(studio: Studio):
+def test_a_bump_is_found_kept_and_undone(studio: Studio):
     look = wait(studio, lambda state: state.look is not None and state.number > 4).look
     assert look is not None
     assert look.good, look.sentence
@@ -104,6 +113,61 @@ def test_a_camera_that_goes_away_is_named_and_gone_on_with(studio: Studio, monke
     assert wait(studio, lambda state: state.look is not None).message == "back again"
 
 
+def test_a_disk_that_is_full_is_one_sentence_and_what_was_offered_can_be_kept_later(
+    studio: Studio, monkeypatch: pytest.MonkeyPatch
+):
+    wait(studio, lambda state: state.look is not None)
+    asked(studio, lambda: studio.bump(2.0))
+    assert asked(studio, studio.check).offer is not None
+    before = studio.rig_path.read_bytes()
+    with monkeypatch.context() as full:
+
+        def no_room(*_: object) -> None:
+            raise FileError(studio.rig_path, "cannot be written: No space left on device")
+
+        full.setattr("retrue.studio.studio.write_in_place", no_room)
+        state = asked(studio, studio.keep)
+        assert state.message == f"{studio.rig_path}: cannot be written: No space left on device"
+        assert state.offer is not None
+    assert studio.rig_path.read_bytes() == before
+    assert asked(studio, studio.keep).message == "kept as entry 2 of the history"
+
+
+def test_without_a_rig_nothing_is_checked_and_it_says_what_to_do(tmp_path: Path):
+    studio = Studio(SETUP, tmp_path)
+    studio.start()
+    wait(studio, lambda state: state.look is not None)
+    for wish in (studio.check, studio.scan):
+        assert asked(studio, wish).message == "there is no rig yet: calibrate it"
+    assert asked(studio, studio.keep).message == "there is nothing to keep: check the rig first"
+    assert asked(studio, lambda: studio.calibrate("rubbish")).message.startswith("board: expected chessboard:")
+    assert asked(studio, studio.fit).message == "no calibration is going on"
+    assert studio.state.calibration is None
+    assert not (tmp_path / "calibration").exists()
+    studio.stop()
+
+
+def test_a_rig_is_watched_until_that_is_switched_off_even_by_the_next_studio(
+    studio: Studio, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+):
+    monkeypatch.setattr("retrue.studio.studio.WATCH_SECONDS", 0.0)
+    wait(studio, lambda state: state.look is not None)
+    assert asked(studio, lambda: studio.watch(True)).watching
+    wait(studio, lambda state: len(state.readings) >= 2)
+    assert {reading.verdict for reading in studio.state.readings} == {"good"}
+    asked(studio, lambda: studio.bump(3.0))
+    state = wait(studio, lambda state: state.message.startswith("drifted: "))
+    last = state.readings[-1]
+    assert last.verdict == "drifted"
+    assert last.drift is not None
+    assert last.sigma is not None
+    assert last.drift > 10 * last.sigma
+    studio.stop()
+    again = Studio(SETUP, tmp_path)
+    assert again.state.watching
+    assert again.state.readings == tuple(studio._drift.readings)
+
+
 def test_one_sentence_says_what_to_do():
     demo = Path(retrue.__file__).parent / "demo_data"
     pattern, image = retrue.read_pattern(demo / "pattern.json"), retrue.read_image(demo / "scene.jpg")
@@ -116,3 +180,54 @@ def test_one_sentence_says_what_to_do():
     assert look_at(pattern, np.ascontiguousarray(image[:, ::-1])).sentence.startswith("mirrored: ")
     plain = np.full_like(image, 120)
     assert not look_at(pattern, plain).good
+
+
+@dataclass
+class Unsettable:
+    """A camera that neither tells its exposure nor lets it be set."""
+
+    camera: Any
+    name: str = "camera 0"
+    triggered: bool = False
+    exposure_ms: float | None = None
+
+    def __getattr__(self, name: str) -> Any:
+        return getattr(self.camera, name)
+
+
+def test_devices_that_are_not_there_are_named_and_waited_for_and_one_that_clips_is_used_as_it_is(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+):
+    problems = [
+        DeviceError("screen 1", "there is no display: log in to a desktop, or set DISPLAY or WAYLAND_DISPLAY"),
+        DeviceError(
+            "screen 1", "there is no such screen, found 1, numbered 0 to 0: switch the projector on, plug it in"
+        ),
+        DeviceError("camera 0", "cannot be opened: is it plugged in?"),
+    ]
+    waiting, seen = list(problems), list[str]()
+    rig = SimulatedRig(SimulatedOptions(bright_ms=2.0))
+
+    def made(*_: object) -> LiveRig:
+        if waiting:
+            raise waiting.pop(0)
+        return LiveRig(Unsettable(rig.camera), rig.projector)
+
+    monkeypatch.setattr("retrue.studio.studio.make_rig", made)
+    monkeypatch.setattr("retrue.studio.studio.PAUSE", 0.2)
+    studio = Studio(Setup({"driver": "opencv"}, {"driver": "window"}), tmp_path)
+    studio.start()
+
+    def looks(state: State) -> bool:
+        if state.message and state.message not in seen:
+            seen.append(state.message)
+        return state.look is not None
+
+    state = wait(studio, looks)
+    studio.stop()
+    assert seen[:3] == [str(problem) for problem in problems]
+    assert re.fullmatch(
+        r"camera 0: \d+ % of the picture is clipped under white, and its exposure cannot be .*", state.message
+    )
+    assert state.look is not None
+    assert state.look.sentence.startswith("clipped: ")

@@ -148,7 +148,7 @@ def test_a_missing_viser_names_the_extra(monkeypatch, files, capsys):
 
     monkeypatch.setattr(server_file, "import_module", absent)
     assert main(["view", str(files[0])]) == 2
-    assert capsys.readouterr().err == "retrue: the viewer needs viser: pip install 'retrue[view]'\n"
+    assert capsys.readouterr().err == "retrue: the viewer needs viser: pip install '.[view]'\n"
 
 
 @pytest.mark.parametrize("stop", [signal.SIGINT, signal.SIGTERM])

@@ -112,7 +112,7 @@ class Dask:
         try:
             from distributed import Client, LocalCluster
         except ImportError as error:
-            raise InputError("Dask: expected distributed, found none; pip install 'retrue[dask]'") from error
+            raise InputError("Dask: expected distributed, found none; pip install '.[dask]'") from error
         try:
             self._cluster: Any = None
             if scheduler is None:

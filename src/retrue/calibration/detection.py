@@ -62,6 +62,21 @@ def find_board(image: Image, board: Board) -> BoardCorners:
     return found
 
 
+def glimpse_board(image: Image, board: Board) -> BoardCorners | None:
+    """The whole board, where it is seen easily: as quick as a live picture needs, and None at once where it is not."""
+    grey = _grey(image)
+    if board.kind != "chessboard":
+        return _FINDERS[board.kind](grey, board)
+    step = -(-max(grey.shape) // LARGE_PICTURE)
+    cv2 = opencv()
+    small = grey if step == 1 else cv2.resize(grey, None, fx=1 / step, fy=1 / step, interpolation=cv2.INTER_AREA)
+    flags = cv2.CALIB_CB_ADAPTIVE_THRESH | cv2.CALIB_CB_NORMALIZE_IMAGE | cv2.CALIB_CB_FAST_CHECK
+    found, corners = cv2.findChessboardCorners(small, (board.columns, board.rows), flags=flags)
+    if not found:
+        return None
+    return BoardCorners(board.points, _refined(grey, (_pixels(corners) + 0.5) * step - 0.5), True)
+
+
 def _find_chessboard(grey: Image, board: Board) -> BoardCorners | None:
     size = (board.columns, board.rows)
     if (pixels := _whole_grid(grey, size)) is not None:

@@ -35,7 +35,7 @@ class Batch(Command):
     workers
         Processes to work with; by default one a core.
     scheduler
-        Address of a Dask scheduler whose workers see the same paths; needs `pip install 'retrue[dask]'`.
+        Address of a Dask scheduler whose workers see the same paths; needs `pip install '.[dask]'`.
     dask
         Dask's own processes on this machine, instead of the pool.
     report

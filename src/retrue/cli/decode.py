@@ -43,7 +43,7 @@ class Decode(Command):
         The CSV to write: camera_x,camera_y,projector_x,projector_y and what else is known.
     debug
         Folder for pictures of what the decoder of a colour grid saw: blocks, links, colours, decoded, rejected; needs
-        `pip install 'retrue[plot]'`.
+        `pip install '.[plot]'`.
     """
 
     capture: CapturePath

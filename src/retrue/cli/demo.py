@@ -148,7 +148,7 @@ def _story(folder: Path, report: dict[str, Any]) -> str:
     median = report["epipolar_median_px"]
     beside = "cloud.ply, mesh.ply and pictures lie beside it."
     if not any(name.endswith(".png") for name in report["files"]):
-        beside = "cloud.ply and mesh.ply lie beside it.\nFor pictures too: pip install 'retrue[plot]'"
+        beside = "cloud.ply and mesh.ply lie beside it.\nFor pictures too: pip install '.[plot]'"
     return f"""\
 Decoded {report["correspondences"]} correspondences from one picture in {report["decode_seconds"]:.2f} s.
 Recalibrated in {report["recalibrate_seconds"]:.2f} s: {report["reason"]}
@@ -157,4 +157,6 @@ Distance from the true pose, rotation and direction of t:
   {before["rotation_deg"]:.2f} deg and {before["translation_deg"]:.2f} deg before,
   {after["rotation_deg"]:.3f} deg and {after["translation_deg"]:.3f} deg after.
 Reconstructed {report["points"]} points and {report["faces"]} faces.
-Open {folder}/report.html in a browser to see it all; {beside}"""
+Open {folder}/report.html in a browser to see it all; {beside}
+Next, a rig to calibrate, bump and mend in your browser, with no hardware: make studio
+(or pip install ".[studio]", then retrue studio --simulated)"""

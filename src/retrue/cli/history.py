@@ -31,7 +31,7 @@ class History(Command):
     last
         Only so many, the newest; that takes as long however many there are.
     plot
-        A PNG to draw the drift over time into; needs `pip install 'retrue[plot]'`.
+        A PNG to draw the drift over time into; needs `pip install '.[plot]'`.
     """
 
     rig: RigPath

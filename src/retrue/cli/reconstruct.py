@@ -64,7 +64,7 @@ class Reconstruct(PhotographCommand):
     undistorted
         Draw the depth map for a camera of the same K and no distortion, as programs want that know no lenses.
     cad
-        The surfaces to write, STEP in millimetres; needs `pip install 'retrue[cad]'`.
+        The surfaces to write, STEP in millimetres; needs `pip install '.[cad]'`.
     fill_holes
         Fill holes that one smooth patch explains.
     normals

@@ -54,7 +54,7 @@ class Watch(Command):
     clouds
         Write a cloud per frame.
     metrics_port
-        Serve metrics for Prometheus on this port of 127.0.0.1; needs `pip install 'retrue[watch]'`.
+        Serve metrics for Prometheus on this port of 127.0.0.1; needs `pip install '.[watch]'`.
     limits
         When to recalibrate, and what to wait for.
     judgement

@@ -83,7 +83,7 @@ def imported(package: str, extra: str, device: str) -> Any:
     try:
         return import_module(package)
     except ImportError as error:
-        raise DeviceError(device, f"needs {package.partition('.')[0]}: pip install 'retrue[{extra}]'") from error
+        raise DeviceError(device, f"needs {package.partition('.')[0]}: pip install '.[{extra}]'") from error
 
 
 def _driver(kind: str) -> type:

@@ -76,6 +76,29 @@ class Recorder:
                 progress(len(found), len(wide))
         return [found[index] for index in range(len(wide))]
 
+    def record_held(self, pictures: Sequence[Picture]) -> list[CameraFrame] | None:
+        """One frame for each picture, of something that is held before the rig: quicker, and None where it moves.
+
+        The first picture is white, and is shown already. It comes once more at the end, and must look as it did.
+        """
+        wide = [fitting(picture, self.projector) for picture in pictures]
+        frames = [self.camera.frame() for _ in range(STILL_FRAMES)]
+        still = [grey_levels(frame.picture) for frame in frames]
+        apart = np.array([band_differences(one, other) for one, other in pairwise(still)])
+        if (apart.max(axis=0) > ALIKE * apart.min(axis=0) + self.options.agree_levels).any():
+            return None
+        noise = still_noise(still)
+        self.references = References(still[-1], np.zeros_like(still[-1]), (), noise, noise, self.options.agree_levels)
+        self.pace, self._timed = None, False
+        found = [frames[-1]]
+        for picture in (*wide[1:], wide[0]):
+            base = grey_levels(found[-1].picture)
+            frame = self._first_still(picture, lambda levels, base=base: self._differs(levels, base))
+            if frame is None:
+                return None
+            found.append(frame)
+        return found[:-1] if self.references.agree(grey_levels(found[-1].picture), still[-1]) else None
+
     def measure(self) -> None:
         """Look at black and at white, and tell the noise of both."""
         self._look(*black_and_white(self.projector.size))

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from retrue.devices.options import SimulatedOptions
 from retrue.geometry.arrays import FloatArray
 from retrue.rig import Rig
-from retrue.simulation.board_scene import board_scene
+from retrue.simulation.board_scene import HeldBoard, board_scene, held_board
 from retrue.simulation.built_in_scenes import built_in_scene, meeting_distance
 from retrue.simulation.light_transport import Light, blurred, find_transport
 from retrue.simulation.scene import Scene
@@ -24,15 +24,21 @@ NOISE_START = 65_536  # different places in the field of noise where that of a f
 
 
 class SimulatedLight:
-    """The light of one pose of the rig in one scene; remembers that of the pictures it was asked for last."""
+    """The light of one pose of the rig in one scene; remembers that of the pictures it was asked for last.
 
-    def __init__(self, rig: Rig, options: SimulatedOptions, board_pose: int = 0) -> None:
+    Attributes
+    ----------
+    board : in the scene "board", what is held there, or the number of one of many.
+    """
+
+    def __init__(self, rig: Rig, options: SimulatedOptions, board: HeldBoard | int = 0) -> None:
         distance, ambient = meeting_distance(rig), options.ambient
         if options.scene == "board":
-            scene = board_scene(rig, distance, board_pose, ambient)
+            held = held_board(rig, distance, board) if isinstance(board, int) else board
+            scene = board_scene(held, distance, ambient)
         else:
             scene = Scene(built_in_scene(options.scene, rig, distance), (ambient, ambient, ambient))
-        self.board_pose = board_pose
+        self.board = board
         self._transport = find_transport(rig, scene)
         self._lights: OrderedDict[int, Light] = OrderedDict()
 

@@ -19,6 +19,7 @@ from retrue.errors import DeviceError
 from retrue.geometry.camera import Camera
 from retrue.geometry.transform import RigidTransform
 from retrue.rig import Rig
+from retrue.simulation.board_scene import HeldBoard
 
 BUFFERED = 4  # frames that wait for whoever takes them, in real time; older ones are gone
 REMEMBERED = 512  # of what was shown: more than any lag reaches back
@@ -98,6 +99,11 @@ class SimulatedRig:
         self.options = replace(self.options, scene=scene)
         self._change(self.true_rig, board_pose)
 
+    def hold(self, board: HeldBoard) -> None:
+        """A board before the rig, from now on."""
+        self.options = replace(self.options, scene="board")
+        self._change(self.true_rig, board)
+
     def now(self) -> float:
         """Seconds, on the clock of both devices."""
         return time.monotonic() if self.options.real_time else self._now
@@ -141,9 +147,8 @@ class SimulatedRig:
             )
         return SimulatedFrame(picture, arrival, shown, foreign)
 
-    def _change(self, rig: Rig, board_pose: int | None = None) -> None:
-        pose = self._world.board_pose if board_pose is None else board_pose
-        world = SimulatedLight(rig, self.options, pose)
+    def _change(self, rig: Rig, board: HeldBoard | int | None = None) -> None:
+        world = SimulatedLight(rig, self.options, self._world.board if board is None else board)
         with self._lock:
             self.true_rig, self._world = rig, world
             self._shown.append(Exposed(self.now(), self._shown[-1].picture, world))

@@ -14,6 +14,7 @@ from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
+from retrue.calibration.result import Calibrated
 from retrue.errors import FileError, InputError, require_kind, require_path
 from retrue.files.append_log import AppendLog, newest_first, opened_log
 from retrue.files.atomic import replaced_file
@@ -81,17 +82,21 @@ def _working_distance(evidence: Mapping[str, Any]) -> float | None:
     return float(distance) if isinstance(distance, int | float) and 0 < distance < math.inf else None
 
 
-def write_in_place(rig_path: str | Path, result: Accepted, captures: Sequence[Mapping[str, str]] = ()) -> HistoryEntry:
-    """Put a recalibrated rig in the place of the one in the file, and keep both in its history.
+def write_in_place(
+    rig_path: str | Path, result: Accepted | Calibrated, captures: Sequence[Mapping[str, str]] = ()
+) -> HistoryEntry:
+    """Put a recalibrated or calibrated rig in the place of the one in the file, if any, and keep both in its history.
 
     The entry is on the disk before the rig is replaced, and both happen under a lock. A process killed in between
     leaves the old rig, or the new, and a history that has every entry. Where the entry or the rig cannot be
     written, a `FileError` says so and neither has changed.
     """
     path = _writable(require_path(rig_path, "write_in_place(rig_path, result)"))
-    require_kind(result, Accepted, "result")
+    require_kind(result, (Accepted, Calibrated), "result")
+    action: Action = "recalibrated" if isinstance(result, Accepted) else "calibrated"
+    evidence = _evidence(result) if isinstance(result, Accepted) else {"reason": result.reason}
     with opened_log(history_path(path)) as log:
-        return _put(path, log, result.rig, "recalibrated", _evidence(result), captures, None)
+        return _put(path, log, result.rig, action, evidence, captures, None)
 
 
 def roll_back(rig_path: str | Path, entry_id: int | None = None) -> HistoryEntry:

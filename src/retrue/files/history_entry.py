@@ -16,7 +16,7 @@ from retrue.rig import Rig
 from retrue.shown import ShortRepr, Shown
 from retrue.values import ByValue
 
-Action = Literal["found", "recalibrated", "rolled back"]
+Action = Literal["found", "calibrated", "recalibrated", "rolled back"]
 
 
 @dataclass(frozen=True, slots=True, eq=False, repr=False)

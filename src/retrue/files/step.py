@@ -56,7 +56,7 @@ def _opencascade(package: str) -> Any:
     try:
         return import_module(f"OCP.{package}")
     except ImportError as error:
-        raise InputError("CAD needs OpenCASCADE: pip install 'retrue[cad]'") from error
+        raise InputError("CAD needs OpenCASCADE: pip install '.[cad]'") from error
 
 
 def _surface(surface: Surface, mm: float) -> tuple[Any, float]:

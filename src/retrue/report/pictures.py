@@ -96,7 +96,7 @@ def has_matplotlib() -> bool:
 def require_matplotlib(what: str) -> None:
     """An `InputError` that says what cannot be drawn and names the extra, where matplotlib is not installed."""
     if not has_matplotlib():
-        raise InputError(f"{what}: drawn by matplotlib, which is not installed: pip install 'retrue[plot]'")
+        raise InputError(f"{what}: drawn by matplotlib, which is not installed: pip install '.[plot]'")
 
 
 def blank_figure(width: float, height: float) -> Figure:

@@ -37,9 +37,7 @@ Item = Wall | Sphere | Box | MeshFile
 def load_mitsuba() -> Any:
     """The renderer, as a module; an `InputError` that names the extra where it is not installed."""
     if find_spec("mitsuba") is None:
-        raise InputError(
-            'simulate: expected the renderer Mitsuba 3, which is not installed: pip install "retrue[simulate]"'
-        )
+        raise InputError('simulate: expected the renderer Mitsuba 3, which is not installed: pip install ".[simulate]"')
     mitsuba = import_module("mitsuba")
     mitsuba.set_variant(VARIANT)
     mitsuba.set_log_level(mitsuba.LogLevel.Error)

@@ -5,71 +5,49 @@ from __future__ import annotations
 import hashlib
 import queue
 import threading
+import time
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from datetime import UTC, datetime
 from pathlib import Path
 
+import numpy as np
+
+from retrue.calibration.result import Calibrated
+from retrue.correspondences import Correspondences
 from retrue.decoding.decode import decode
 from retrue.devices.drivers import LiveRig, make_rig
+from retrue.devices.exposure import find_exposure
 from retrue.devices.recorder import Recorder
 from retrue.devices.setup import Setup
-from retrue.devices.shown_pictures import black_and_white
+from retrue.devices.shown_pictures import Picture, black_and_white
 from retrue.errors import DeviceError, InputError, RetrueError
-from retrue.files.history import read_history, roll_back, write_in_place
+from retrue.files.history import capture_record, read_history, roll_back, write_in_place
 from retrue.files.models import write_cloud
 from retrue.files.rigs import read_rig, write_rig
 from retrue.geometry.arrays import Image
 from retrue.patterns.color_grid import ColorGrid, make_color_grid
 from retrue.recalibration.recalibrate import recalibrate
-from retrue.recalibration.result import Accepted, Verification
+from retrue.recalibration.result import Accepted
 from retrue.recalibration.verify import verify
-from retrue.reconstruction.cloud import Cloud
 from retrue.reconstruction.reconstruct import reconstruct
 from retrue.rig import Rig
+from retrue.studio.calibrating import Calibrating, begun
+from retrue.studio.drift_log import DriftLog, Reading
 from retrue.studio.look import Look, look_at
+from retrue.studio.state import Offer, State
 
 Wish = tuple[str, Callable[[LiveRig, ColorGrid], None]]
 """What is done in words, and the work."""
 PAUSE = 1.0  # seconds until a device that is not there is tried again
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class Offer:
-    """A recalibrated rig that waits for a word: keep it, or leave it."""
-
-    result: Accepted
-    before: Cloud
-    after: Cloud
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class State:
-    """All that a page shows; a new one replaces it, so that whoever reads it sees one moment.
-
-    Attributes
-    ----------
-    number : grows with every look.
-    look : at the latest frame; None before the first.
-    busy : what is being done; empty where nothing is.
-    message : what came of the last thing that was asked, or what is wrong with a device.
-    verification : of the last check.
-    offer : after a check that found the rig drifted and could tell its new pose.
-    cloud : the last scan.
-    """
-
-    number: int = 0
-    look: Look | None = None
-    busy: str = ""
-    message: str = ""
-    verification: Verification | None = None
-    offer: Offer | None = None
-    cloud: Cloud | None = None
+WATCH_SECONDS = 5.0  # between two looks of a watch
+OLD_FRAMES = 8  # that may wait in a camera
+NO_RIG = "there is no rig yet: calibrate it"
 
 
 @dataclass
 class Studio:
-    """Of one setup; rig, history and scans lie in `folder`. Others use `state`, and the methods that ask.
+    """Of one setup; rig, history, poses and scans lie in `folder`. Others use `state`, and the methods that ask.
 
     Attributes
     ----------
@@ -82,6 +60,14 @@ class Studio:
     _wishes: queue.Queue[Wish] = field(default_factory=lambda: queue.Queue[Wish]())
     _ended: threading.Event = field(default_factory=threading.Event)
     _thread: threading.Thread | None = None
+    _calibrating: Calibrating | None = None
+    _held_for: int = -1
+    _scene: str = ""
+    _watched: float = 0.0
+
+    def __post_init__(self) -> None:
+        self._drift = DriftLog(self.folder / "watch.jsonl")
+        self._set(watching=self._drift.on, readings=tuple(self._drift.readings), rig_there=self.rig_path.exists())
 
     @property
     def rig_path(self) -> Path:
@@ -91,6 +77,22 @@ class Studio:
     def simulated(self) -> bool:
         """Whether the rig can be bumped from here."""
         return self.setup.camera["driver"] == "simulated"
+
+    @property
+    def begun(self) -> str:
+        """The board of a calibration that can be gone on with; empty where there is none that can be read."""
+        try:
+            return begun(self._poses)
+        except RetrueError:
+            return ""
+
+    @property
+    def unit(self) -> str:
+        """Of the rig; empty where there is none that can be read."""
+        try:
+            return self._rig().unit
+        except RetrueError:
+            return ""
 
     def start(self) -> None:
         """Begin to look."""
@@ -108,7 +110,7 @@ class Studio:
         self._ask("checking", self._check)
 
     def keep(self) -> None:
-        """Write the offered rig in place; its history keeps the old one."""
+        """Write the offered or calibrated rig in place; its history keeps the old one."""
         self._ask("writing the rig", self._keep)
 
     def undo(self) -> None:
@@ -119,6 +121,42 @@ class Studio:
         """Record pattern, white and black; reconstruct in true colours, and write the cloud."""
         self._ask("scanning", self._scan)
 
+    def calibrate(self, board: str) -> None:
+        """Begin to take poses of that board, or go on with those of a calibration that was begun."""
+        self._ask("looking for the board", lambda live, pattern: self._begin(live, pattern, board))
+
+    def fit(self) -> None:
+        """The result of the poses so far."""
+        self._ask("calibrating", lambda _live, _pattern: self._required().fit())
+
+    def add_poses(self) -> None:
+        """Take more poses after a result."""
+        self._ask("going on", lambda _live, _pattern: self._required().go_on())
+
+    def start_over(self) -> None:
+        """Put the poses so far away, and take new ones."""
+
+        def again(live: LiveRig, pattern: ColorGrid) -> None:
+            calibrating = self._required()
+            calibrating.put_away()
+            self._begin(live, pattern, calibrating.board)
+
+        self._ask("starting over", again)
+
+    def leave(self) -> None:
+        """Stop taking poses; they stay on the disk, and `calibrate` goes on with them."""
+        self._ask("leaving", lambda live, _pattern: self._end_calibration(live))
+
+    def watch(self, on: bool) -> None:
+        """Check the rig every few seconds, or no longer."""
+
+        def switch(_live: LiveRig, _pattern: ColorGrid) -> None:
+            self._drift.switch(on)
+            self._watched = 0.0
+            self._set(watching=on, message="the rig is watched" if on else "the rig is not watched any more")
+
+        self._ask("switching the watch", switch)
+
     def bump(self, degrees: float) -> None:
         """Turn the projector of a simulated rig."""
 
@@ -126,9 +164,19 @@ class Studio:
             if live.simulated is None:
                 raise InputError("only a simulated rig can be bumped from here")
             live.simulated.bump((0.3 * degrees, 0.9 * degrees, 0.3 * degrees))
+            write_rig(self._truth, live.simulated.true_rig)
             self._set(message=f"the projector was turned by {degrees:g} deg", verification=None, offer=None)
 
         self._ask("bumping the rig", turn)
+
+    @property
+    def _poses(self) -> Path:
+        return self.folder / "calibration"
+
+    @property
+    def _truth(self) -> Path:
+        """Where a simulated rig really stands: as much as hardware would, that outlives us."""
+        return self.folder / "simulated-rig.json"
 
     def _ask(self, what: str, work: Callable[[LiveRig, ColorGrid], None]) -> None:
         self._wishes.put((what, work))
@@ -141,10 +189,8 @@ class Studio:
         gone = ""
         while not self._ended.is_set():
             try:
-                known = read_rig(self.rig_path) if self.rig_path.exists() else None
-                with make_rig(self.setup, known) as live:
-                    if gone:
-                        self._set(message="back again")
+                with make_rig(self.setup, self._known_rig()) as live:
+                    self._set(message="back again" if gone else self.state.message)
                     gone = ""
                     self._serve(live)
             except RetrueError as error:
@@ -152,20 +198,24 @@ class Studio:
                 self._set(look=None, busy="", message=gone)
                 self._ended.wait(PAUSE)
 
+    def _known_rig(self) -> Rig | None:
+        """Where simulated devices stand, if anybody said."""
+        paths = [self._truth, self.rig_path] if self.simulated else []
+        return next((read_rig(path) for path in paths if path.exists()), None)
+
     def _serve(self, live: LiveRig) -> None:
-        if live.simulated is not None and not self.rig_path.exists():
-            write_rig(self.rig_path, live.simulated.true_rig)
+        if live.simulated is not None:
+            self._scene = live.simulated.options.scene
+            write_rig(self._truth, live.simulated.true_rig)
         pattern = make_color_grid(live.projector.size)
-        shown = pattern.render()
-        live.projector.show(shown)
+        self._expose(live)
+        live.projector.show(self._shown(live, pattern))
         before: Image | None = None
         while not self._ended.is_set():
             try:
                 what, work = self._wishes.get_nowait()
             except queue.Empty:
-                picture = live.camera.frame().picture
-                self._set(number=self.state.number + 1, look=look_at(pattern, picture, before))
-                before = picture
+                before = self._look(live, pattern, before)
                 continue
             self._set(busy=what, message="")
             try:
@@ -175,9 +225,58 @@ class Studio:
             except RetrueError as error:
                 self._set(message=str(error))
             finally:
-                self._set(busy="")
-            live.projector.show(shown)
-            before = None
+                self._set(busy="", rig_there=self.rig_path.exists())
+            live.projector.show(self._shown(live, pattern))
+            before = self._settled(live)
+
+    def _expose(self, live: LiveRig) -> None:
+        """Once, where nobody said how long; a camera that cannot be told is used as it is."""
+        if "exposure_ms" in self.setup.camera or live.simulated is not None:
+            return
+        try:
+            find_exposure(live.camera, live.projector)
+        except DeviceError as error:
+            self._set(message=str(error))
+
+    def _shown(self, live: LiveRig, pattern: ColorGrid) -> Picture:
+        return pattern.render() if self._calibrating is None else black_and_white(live.projector.size)[1]
+
+    def _look(self, live: LiveRig, pattern: ColorGrid, before: Image | None) -> Image:
+        picture = live.camera.frame().picture
+        number = self.state.number + 1
+        if self._calibrating is None:
+            look = look_at(pattern, picture, before)
+            self._set(number=number, look=look, calibration=None)
+            self._watch(look)
+            return picture
+        self._hold(live, self._calibrating)
+        try:
+            progress = self._calibrating.step(live, picture)
+        except DeviceError:
+            raise
+        except RetrueError as error:  # a full disk: what was found stays wanted
+            self._set(message=str(error))
+            return picture
+        nothing = Correspondences(np.empty((0, 2)), np.empty((0, 2)))
+        look = Look(picture, nothing, progress.sentence, progress.good)
+        self._set(number=number, look=look, calibration=progress)
+        return picture
+
+    def _watch(self, look: Look) -> None:
+        """One reading, when it is time."""
+        if not (self.state.watching and time.monotonic() >= self._watched and self.rig_path.exists()):
+            return
+        self._watched = time.monotonic() + WATCH_SECONDS
+        try:
+            found = verify(read_rig(self.rig_path), [look.points])
+            self._drift.add(Reading.of(found))
+        except RetrueError as error:
+            self._set(message=str(error))
+            return
+        last = self.state.readings[-1].verdict if self.state.readings else "good"
+        self._set(readings=tuple(self._drift.readings))
+        if found.verdict != last and found.verdict == "drifted":
+            self._set(message=f"drifted: {found.reason}; press Check")
 
     def _check(self, live: LiveRig, pattern: ColorGrid) -> None:
         rig = self._rig()
@@ -194,18 +293,24 @@ class Studio:
         offer = Offer(result, reconstruct(rig, points), reconstruct(result.rig, points))
         self._set(offer=offer, message=f"drifted: {found.reason}; recalibrated: {result.reason}")
 
-    def _keep(self, _live: LiveRig, _pattern: ColorGrid) -> None:
-        if self.state.offer is None:
+    def _keep(self, live: LiveRig, _pattern: ColorGrid) -> None:
+        calibrating = self._calibrating
+        if calibrating is not None and isinstance(calibrating.result, Calibrated):
+            entry = write_in_place(self.rig_path, calibrating.result, list(map(capture_record, calibrating.records())))
+            calibrating.put_away()
+            self._end_calibration(live)
+        elif self.state.offer is not None:
+            look = self.state.look
+            digest = hashlib.sha256(b"" if look is None else look.picture.tobytes()).hexdigest()
+            entry = write_in_place(self.rig_path, self.state.offer.result, [{"name": "studio", "sha256": digest}])
+        else:
             raise InputError("there is nothing to keep: check the rig first")
-        look = self.state.look
-        digest = hashlib.sha256(b"" if look is None else look.picture.tobytes()).hexdigest()
-        entry = write_in_place(self.rig_path, self.state.offer.result, [{"name": "studio", "sha256": digest}])
         self._set(offer=None, verification=None, message=f"kept as entry {entry.id} of the history")
 
     def _undo(self, _live: LiveRig, _pattern: ColorGrid) -> None:
         if self.state.offer is not None:
             self._set(offer=None, message="left as it was")
-        elif not read_history(self.rig_path):
+        elif not read_history(self.rig_path, last=1):
             self._set(message="there is nothing to undo")
         else:
             entry = roll_back(self.rig_path)
@@ -214,20 +319,49 @@ class Studio:
     def _scan(self, live: LiveRig, pattern: ColorGrid) -> None:
         rig = self._rig()
         black, white = black_and_white(live.projector.size)
-        frames = Recorder(live.camera, live.projector).record([pattern.render(), black, white])
-        points = decode(pattern, [frame.picture for frame in frames])
-        cloud = reconstruct(rig, points)
+        live.projector.show(white)
+        self._settled(live)
+        shown = [white, black, pattern.render()]
+        frames = Recorder(live.camera, live.projector).record_held(shown)
+        frames = frames or Recorder(live.camera, live.projector).record(shown)
+        cloud = reconstruct(rig, decode(pattern, [frame.picture for frame in reversed(frames)]))
         path = self.folder / f"scan-{datetime.now(UTC):%Y%m%d-%H%M%S}.ply"
         write_cloud(path, cloud)
         self._set(cloud=cloud, message=f"{len(cloud)} points written to {path.name}")
 
+    def _begin(self, live: LiveRig, pattern: ColorGrid, board: str) -> None:
+        self._calibrating = None
+        calibrating = Calibrating(self._poses, board, pattern, live.camera.frame().picture)
+        if live.simulated is not None:
+            calibrating.wished()  # raises where nobody could hold it
+        self._held_for = -1
+        self._calibrating = calibrating
+        self._set(offer=None, verification=None)
+
+    def _required(self) -> Calibrating:
+        if self._calibrating is None:
+            raise InputError("no calibration is going on")
+        return self._calibrating
+
+    def _end_calibration(self, live: LiveRig) -> None:
+        self._calibrating = None
+        self._set(calibration=None)
+        if live.simulated is not None:
+            live.simulated.set_scene(self._scene)
+
+    def _hold(self, live: LiveRig, calibrating: Calibrating) -> None:
+        """Whoever holds the board of a simulated rig does as the guide says."""
+        if live.simulated is not None and self._held_for != len(calibrating.captures):
+            self._held_for = len(calibrating.captures)
+            live.simulated.hold(calibrating.wished())
+
     def _rig(self) -> Rig:
         if not self.rig_path.exists():
-            raise InputError(f"{self.rig_path.name} is not there yet: calibrate the rig first, with retrue calibrate")
+            raise InputError(NO_RIG)
         return read_rig(self.rig_path)
 
     def _settled(self, live: LiveRig) -> Image:
         """A frame of now: older ones may wait in the camera."""
-        for _ in range(0 if live.camera.triggered else 8):
+        for _ in range(0 if live.camera.triggered else OLD_FRAMES):
             live.camera.frame()
         return live.camera.frame().picture

@@ -24,7 +24,7 @@ def require_viser() -> None:
     try:
         import_module("viser")
     except ImportError as error:
-        raise InputError("the viewer needs viser: pip install 'retrue[view]'") from error
+        raise InputError("the viewer needs viser: pip install '.[view]'") from error
 
 
 @contextlib.contextmanager

@@ -18,7 +18,7 @@ class Metrics:
         try:
             from prometheus_client import CollectorRegistry, Counter, Gauge, Summary
         except ImportError as error:
-            raise InputError("metrics: expected prometheus_client, found none; pip install 'retrue[watch]'") from error
+            raise InputError("metrics: expected prometheus_client, found none; pip install '.[watch]'") from error
         self._port, self._address = port, address
         self._registry = registry = CollectorRegistry()
 

@@ -120,19 +120,20 @@ def _with_light(points: Correspondences, image: Image, black: Image | None, whit
 
     A picture in white light divides out of the blocks what it shows itself: how bright each place is. So that is read
     from the white picture, less the black one; all blocks are of one class then. Without the black one it also holds
-    the room's light.
+    the room's light. The white picture has the scene's true colours, too.
     """
     shown = image if white is None else white
     seen = around(rgb(shown, "image"), points.camera_px)
-    light, light_class = points.light, points.light_class
+    light, light_class, colors = points.light, points.light_class, points.colors
     if white is not None:
         light = light_class = None
+        colors = (seen.mean(axis=1) * (255 / np.iinfo(seen.dtype).max)).round().astype(np.uint8)
         if black is not None:
             dark = around(rgb(black, "black"), points.camera_px)
             light = (seen.astype(np.float64) - dark).mean(axis=(1, 2))
     if light is not None:
         light = np.where(saturated(seen.reshape(-1, 3)).reshape(-1, 9).any(axis=1), np.nan, light)
-    return replace(points, light=light, light_class=light_class)
+    return replace(points, light=light, light_class=light_class, colors=colors)
 
 
 def _decoded(sight: GridSight) -> int:
