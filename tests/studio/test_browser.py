@@ -69,7 +69,9 @@ class Server:
 
 @pytest.fixture(scope="module")
 def browser() -> Iterator[Any]:
-    from playwright.sync_api import sync_playwright
+    from playwright.sync_api import expect, sync_playwright
+
+    expect.set_options(timeout=PATIENCE)
 
     with sync_playwright() as playwright:
         browser = playwright.chromium.launch(
@@ -216,6 +218,7 @@ def test_from_an_empty_folder_to_a_rig_that_is_calibrated_bumped_and_mended(brow
         assert (status, said) == (0, "ended\n")
     finally:
         server.process.kill()
+        server.process.communicate()
 
 
 def test_the_quick_start_opens_the_studio_as_it_stands(tmp_path: Path):
