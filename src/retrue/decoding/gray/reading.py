@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import reduce
 
 import numpy as np
 from numpy.typing import NDArray
 
 from retrue.decoding.gray.bits import decode_axis
-from retrue.decoding.gray.plan import UNDECIDED, Plan, noise_of_difference
+from retrue.decoding.gray.plan import MAX_CELL, UNDECIDED, Plan, noise_of_difference
 from retrue.decoding.gray.sequence import GraySequence
 from retrue.decoding.gray.stripe_edges import FloatImage, find_edges, fit_planes
 from retrue.geometry.arrays import BoolArray, FloatArray, Image
@@ -26,6 +26,8 @@ SYSTEMATIC_SIGMA = 0.02
 
 HALO_CELLS = 8
 """How many cells away a picture can still change a point: the window, the edges beside it, and their own window."""
+WORTH_CUTTING = 0.9
+"""Of the width: columns are left out where no more remain."""
 FEWEST_OPEN = 64
 """Pixels of a band: fewer that one depth leaves open are not worth the next."""
 
@@ -82,8 +84,13 @@ class _Reading:
 def read_band(depths: Sequence[Depth], rows: range) -> Band:
     """The points of those rows; rows around them are looked at too, so that bands fit together seamlessly.
 
-    A pixel is read at the first of the depths that it resolves. `rows` starts at a multiple of MAX_CELL.
+    A pixel is read at the first of the depths that it resolves. `rows` starts at a multiple of MAX_CELL. Columns in
+    which nothing is lit are left out.
     """
+    width = depths[0].sequence.white.shape[1]
+    columns = _lit_columns(depths[0], rows)
+    if columns.stop - columns.start < width:
+        depths = [replace(depth, sequence=depth.sequence.part(slice(None), columns)) for depth in depths]
     first = _read(depths[0], rows)
     good = first.certain & first.smooth
     pixels = [np.flatnonzero(good)]
@@ -98,7 +105,8 @@ def read_band(depths: Sequence[Depth], rows: range) -> Band:
         pixels.append(np.flatnonzero(good))
         found.append(_coordinates(depth, reading, pixels[-1]))
         unread, taken = unread & ~good, taken | good
-    everything = np.concatenate(pixels)
+    y, x = np.divmod(np.concatenate(pixels), columns.stop - columns.start)
+    everything = y * width + x + columns.start
     order = np.argsort(everything, kind="stable") if len(pixels) > 1 else slice(None)
     rejected = {
         "undecided": first.lit & ~first.agreed,
@@ -122,15 +130,35 @@ def read_band(depths: Sequence[Depth], rows: range) -> Band:
     )
 
 
+def _lit_columns(depth: Depth, rows: range) -> slice:
+    """From the first to the last column in which a pixel may be lit, whole cells of any size and one more either side.
+
+    All of them where that saves little.
+    """
+    halo = HALO_CELLS * MAX_CELL
+    around = slice(max(rows.start - halo, 0), rows.stop + halo)
+    lit = np.flatnonzero(_lit(depth, around)[0].any(axis=0))
+    width = depth.sequence.white.shape[1]
+    if not len(lit):
+        return slice(0, min(MAX_CELL, width))
+    start, stop = max(int(lit[0]) // MAX_CELL - 1, 0) * MAX_CELL, (int(lit[-1]) // MAX_CELL + 2) * MAX_CELL
+    return slice(start, min(stop, width)) if min(stop, width) - start < WORTH_CUTTING * width else slice(0, width)
+
+
+def _lit(depth: Depth, rows: slice) -> tuple[BoolArray, FloatImage, FloatImage]:
+    """Which pixels are, white less black, and the noise of such a difference."""
+    white, black = (image[rows].astype(np.float32) for image in (depth.sequence.white, depth.sequence.black))
+    contrast, noise = white - black, noise_of_difference(depth.plan.noise_gain, white + black)
+    return contrast > 2 * (noise * np.float32(UNDECIDED)), contrast, noise
+
+
 def _read(depth: Depth, rows: range) -> _Reading:
     sequence, plan = depth.sequence, depth.plan
     halo = HALO_CELLS * max(plan.cells)
     top, bottom = max(rows.start - halo, 0), min(rows.stop + halo, sequence.white.shape[0])
     around, inner = slice(top, bottom), slice(rows.start - top, rows.stop - top)
-    white, black = sequence.white[around].astype(np.float32), sequence.black[around].astype(np.float32)
-    contrast, noise = white - black, noise_of_difference(plan.noise_gain, white + black)
+    lit, contrast, noise = _lit(depth, around)
     decided = noise * np.float32(UNDECIDED)
-    lit = contrast > 2 * decided
     np.maximum(contrast, 1, out=contrast)
 
     axes = [
