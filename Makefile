@@ -55,8 +55,8 @@ format: .venv/dev.stamp
 
 lock: .venv/dev.stamp
 	$(COMPILE) pyproject.toml --extra plot -o requirements.lock
-	$(COMPILE) pyproject.toml --extra studio -c requirements.lock -o requirements-studio.lock
-	$(COMPILE) pyproject.toml --group dev -c requirements.lock -c requirements-studio.lock -o requirements-dev.lock
+	$(COMPILE) pyproject.toml --group dev -c requirements.lock -o requirements-dev.lock
+	$(COMPILE) pyproject.toml --extra studio -c requirements-dev.lock -o requirements-studio.lock
 
 # Into dist: for Linux from glibc 2.17 on, by Zig; the one for this machine is tried in an environment of its own.
 wheels:

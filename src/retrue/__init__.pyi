@@ -86,6 +86,10 @@ from retrue.patterns.layouts import layout_sequence as layout_sequence
 from retrue.patterns.line_grid import LineGrid as LineGrid
 from retrue.patterns.line_grid import Lines as Lines
 from retrue.patterns.line_grid import make_line_grid as make_line_grid
+from retrue.patterns.photographs import PHOTOGRAPHS as PHOTOGRAPHS
+from retrue.patterns.photographs import Matcher as Matcher
+from retrue.patterns.photographs import Matches as Matches
+from retrue.patterns.photographs import Photographs as Photographs
 from retrue.patterns.sequence import Frame as Frame
 from retrue.patterns.sequence import FrameSequence as FrameSequence
 from retrue.recalibration.options import KnownDistance as KnownDistance

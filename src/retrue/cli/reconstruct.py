@@ -113,6 +113,8 @@ class Reconstruct(PhotographCommand):
         if nothing or (verification.forbids_measuring and not self.anyway):
             return self._contradicted(rig, capture, verification, time.perf_counter() - start)
         cloud = reconstruct(rig, capture.points if dense is None else dense(), self.limits)
+        if dense is not None and verification.epipolar_rms_px is not None:  # every pixel lies on its line; matches tell
+            cloud = replace(cloud, card={**cloud.card, "epipolar_rms_px": verification.epipolar_rms_px})
         missed, most = cloud.card["epipolar_rms_px"], RecalibrateOptions().max_noise_px
         if missed is not None and not (missed <= most or self.anyway):
             verification = refuted(verification, RaysMiss(missed, most))
