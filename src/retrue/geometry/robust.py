@@ -25,6 +25,7 @@ CONSISTENCY = 0.8924  # E[w r^2] / E[w] of a standard normal under that biweight
 COVARIANCE_FACTOR = 0.9651  # E[w] E[psi^2] / E[psi']^2 likewise: inverse information to covariance
 SMALLEST_LEVEL = 1e-9  # of the nominal sigma: exact points
 STEPS = 4
+FEWEST_OF_A_BLOCK = 3.0  # points that tell what it shares
 ENOUGH_VALUES = 4000  # to start from
 
 
@@ -148,17 +149,43 @@ def grid_blocks(points: FloatArray, group: IntArray, per_side: int) -> IntArray:
     return blocks
 
 
-def with_shared_part(values: FloatArray, weights: FloatArray, level: float, blocks: IntArray) -> Noise:
+def with_shared_part(values: FloatArray, weights: FloatArray, level: float, blocks: IntArray, per_side: int) -> Noise:
     """Split the scatter of block means into what independent noise explains and what it does not.
 
     With n points of independent level s in each block, Q = sum n mean^2 / s^2 is chi-square with one degree
-    of freedom a block; what it exceeds that by is the shared part (DerSimonian and Laird 1986). Block -1 stands
-    for no residual.
+    of freedom a block; what it exceeds that by is the shared part (DerSimonian and Laird 1986). Where neighbouring
+    blocks are alike, a slow error runs through them, and they tell less than as many that err each by itself. Block -1
+    stands for no residual. Blocks are those of `grid_blocks`, so many per side.
     """
     variance = np.empty(len(values))
-    number, total = np.empty((2, int(blocks.max(initial=-1)) + 2))  # the last stays empty: it is block -1
+    groups = int(blocks.max(initial=-1)) // per_side**2 + 1
+    number, total = np.empty((2, groups * per_side**2 + 1))  # the last stays empty: it is block -1
     shared = cast("float", kernel.shared_part(values, weights, level, blocks, number, total, variance))
+    if shared > 0:
+        common = variance[blocks >= 0] - level**2
+        variance[blocks >= 0] = level**2 + _alikeness(number, total, shared, per_side) * common
     return Noise(level, shared, variance)
+
+
+def _alikeness(number: FloatArray, total: FloatArray, shared: float, per_side: int) -> float:
+    """By how much the variance of a mean over a grid of blocks is larger than if their errors were independent.
+
+    Of a first-order autoregression along each side, with the correlation that neighbouring blocks show.
+    """
+    grid = (-1, per_side, per_side)
+    means = (total[:-1] / np.maximum(number[:-1], 1e-300)).reshape(grid)
+    known = (number[:-1] > FEWEST_OF_A_BLOCK).reshape(grid)
+    pairs = np.concatenate(
+        [
+            (means[:, 1:] * means[:, :-1])[known[:, 1:] & known[:, :-1]],
+            (means[:, :, 1:] * means[:, :, :-1])[known[:, :, 1:] & known[:, :, :-1]],
+        ]
+    )
+    if not len(pairs):
+        return 1.0
+    correlation = min(max(float(pairs.mean()) / shared**2, 0.0), 1.0)
+    lag = np.arange(1, per_side)
+    return (1 + 2 * float(((1 - lag / per_side) * correlation**lag).sum())) ** 2
 
 
 def within_reach_of_mode(places: FloatArray, centres: int, reach: float) -> BoolArray:

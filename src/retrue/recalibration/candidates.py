@@ -12,10 +12,10 @@ from retrue.geometry.five_points import best_essentials, poses_of_essential
 from retrue.geometry.planar_pose import PlanarPose, planar_pose_candidates, twin_pose
 from retrue.geometry.robust import MAD_TO_SIGMA, quantile
 from retrue.geometry.robust_homography import HYPOTHESES, MOST_HYPOTHESES, largest_plane, local_noise
-from retrue.geometry.two_view import FREE, TwoViewPoints, TwoViewPose, behind, planes_of_pose
+from retrue.geometry.two_view import FREE, POSE_PARAMETERS, TwoViewPoints, TwoViewPose, behind, planes_of_pose
 from retrue.recalibration.fit import PoseFit, Support, gather, refine, same_pose
 from retrue.recalibration.options import RecalibrateOptions
-from retrue.recalibration.posterior import Posterior
+from retrue.recalibration.posterior import PosePrior, Posterior, fit_posterior
 from retrue.recalibration.rays import Rays
 from retrue.recalibration.reasons import PointsNotSpread, TooFewPoints, Undecidable
 
@@ -24,6 +24,9 @@ GATHERED_POINTS = 500  # enough to bring a start near
 STARTING_PLANES = 3
 MOST_BOW = 3.5  # of the usual bow of a wall
 MOST_SCATTER, SCATTER_PX = 4.0, 1.0  # along the epipolar line, of the noise across it, and at least
+FEWEST_ELSEWHERE = 12  # points off a plane, below which it is all that tells the pose
+MISLED = 20.5  # of chi-square with five degrees of freedom: once in a thousand by chance
+MUCH_QUIETER = 2.0
 SCORED_POINTS = 500
 FEWEST_FREE = 30  # points off all planes, below which five points tell nothing that planes do not
 
@@ -191,6 +194,47 @@ def curved_planes(posterior: Posterior) -> BoolArray:
         scattered = len(along) > 0 and MAD_TO_SIGMA * quantile(along, 0.5) > max(MOST_SCATTER * across, SCATTER_PX)
         gone[index] = scattered
     return gone
+
+
+def misleading_plane(posterior: Posterior) -> BoolArray:
+    """(P,) the plane, at most one, without which all points together tell another pose: it was none.
+
+    A plane adds to what points tell of the pose without it. Where both answers differ by more than what the points
+    alone leave open (Hausman 1978), it is the plane that is not true.
+    """
+    pose, plane = posterior.pose, posterior.points.plane_index
+    deviations = np.zeros(len(pose.planes))
+    for index in range(len(pose.planes)):
+        gone = np.arange(len(pose.planes)) == index
+        if np.count_nonzero((plane != index) & posterior.fit.explained) < FEWEST_ELSEWHERE:
+            continue
+        try:
+            measured = posterior.measured.without_planes(gone)
+            alone = fit_posterior(measured, posterior.parameters.without_planes(gone), posterior.prior, 6)
+            difference = PosePrior(pose.R, pose.t, np.eye(POSE_PARAMETERS)).difference(alone.pose)
+            deviations[index] = difference @ np.linalg.solve(alone.covariance, difference)
+        except DegenerateError:
+            continue
+    return (deviations > MISLED) & (deviations == deviations.max(initial=0.0))
+
+
+def quieter_without_planes(posterior: Posterior, noise: float, rng: np.random.Generator) -> list[PoseFit]:
+    """Poses that leave much less across the epipolar lines if no point is on a plane; none where there is no need.
+
+    A ball or a pipe passes for one bowed plane, from a pose that fits it worse than neighbours fit each other.
+    """
+    points, level = posterior.points, posterior.fit.epipolar_noise.level
+    nominal = float(np.median(np.hypot(points.camera_sigma, points.projector_sigma)))
+    if not len(posterior.pose.planes) or not level * nominal > noise:
+        return []
+    free = replace(points, plane_index=np.full(len(points), FREE))
+    blocks = np.stack([posterior.measured.support.blocks[0], np.full(len(points), -1)])
+    starts = _of_five_points(free, np.arange(len(points)), [], noise, rng)
+    try:
+        fits = refined_poses(starts, Support(free, blocks), rng)
+    except DegenerateError:
+        return []
+    return [fit for fit in fits if fit.epipolar_noise.level * MUCH_QUIETER < level]
 
 
 def twins_of(pose: TwoViewPose, points: TwoViewPoints) -> list[TwoViewPose]:

@@ -140,9 +140,11 @@ def gather(start: TwoViewPose, points: TwoViewPoints, known: Sequence[TwoViewPos
     return pose
 
 
-def evaluate(pose: TwoViewPose, support: Support, bows: PlaneBows = NO_BOWS) -> PoseFit:
-    """Residuals, noise and weights at a pose."""
+def evaluate(pose: TwoViewPose, support: Support, bows: PlaneBows = NO_BOWS, aside: BoolArray | None = None) -> PoseFit:
+    """Residuals, noise and weights at a pose; rows (N,) set aside leave no residual."""
     found = residuals(pose, support.points, bows)
+    if aside is not None:
+        found.both[:, aside] = np.nan
     on_plane = int(np.count_nonzero(support.points.plane_index != FREE))
     count = len(support.points) + on_plane
     freedom = count - POSE_PARAMETERS - 3 * len(pose.planes)
@@ -151,7 +153,8 @@ def evaluate(pose: TwoViewPose, support: Support, bows: PlaneBows = NO_BOWS) -> 
     levels = _levels(found, on_plane, count / freedom)
     robust_weights = np.stack([biweights(*family) for family in zip(found.both, levels, strict=True)])
     epipolar_noise, along_noise = (
-        with_shared_part(*family) for family in zip(found.both, robust_weights, levels, support.blocks, strict=True)
+        with_shared_part(*family, BLOCKS)
+        for family in zip(found.both, robust_weights, levels, support.blocks, strict=True)
     )
     return PoseFit(pose, support.points, found, epipolar_noise, along_noise, robust_weights)
 

@@ -20,6 +20,8 @@ from retrue.recalibration.candidates import (
     check_spread,
     curved_planes,
     match_noise,
+    misleading_plane,
+    quieter_without_planes,
     refined_poses,
     starting_poses,
     twins_of_planes,
@@ -30,6 +32,7 @@ from retrue.recalibration.lens import LENS_NAMES, LENS_PARAMETERS, stated_prior,
 from retrue.recalibration.lens_evidence import LensEvidence, effective_prior, lens_evidence
 from retrue.recalibration.options import RecalibrateOptions
 from retrue.recalibration.parts import (
+    LOUD,
     Part,
     differing_capture,
     homography_residuals,
@@ -63,11 +66,12 @@ from retrue.recalibration.reasons import (
     Undecidable,
 )
 from retrue.recalibration.result import Evidence, PoseSigma, sigma_at
-from retrue.recalibration.rivals import LOUD, Rival, light_of, move_deg, nearest_points, plane_levels, ranked
+from retrue.recalibration.rivals import Rival, light_of, move_deg, nearest_points, plane_levels, ranked
 from retrue.recalibration.swapped import move_if_exchanged
 from retrue.rig import Rig
 
 COMPARED_POINTS = 1500  # enough to tell hypotheses apart; the best is then fitted to all
+LEAST_LEFT = 0.05  # of the points, as many as a plane holds at least
 HYPOTHESES = 4  # fitted with their lenses; the others explain much less
 
 
@@ -137,11 +141,16 @@ def judge(rig: Rig, captures: Sequence[Correspondences], options: RecalibrateOpt
             best, rivals = ranked([*posteriors, *apart], measured, few, light, old, part, rng)
         lens = lens_evidence(measured, homographies, best, part, tight, wide, old)
         curved = curved_planes(best)
+        if not curved.any():
+            curved = misleading_plane(best)
+        quieter = [] if curved.any() else quieter_without_planes(best, noise, rng)
+        curved |= bool(quieter)
         if lens.verdict == "changed" or not curved.any():  # through a changed lens no plane looks flat
             break
         rays, few = rays.without_planes(curved), few.without_planes(curved)
         homographies = [H for H, gone in zip(homographies, curved, strict=True) if not gone]
         starts = [fit.parameters.without_planes(curved) for fit in posteriors]
+        starts += [Parameters.of(fit.pose) for fit in quieter]
     start = best.parameters
     if lens.verdict == "changed" and options.lens == "refit" and lens.posterior is not None:
         best, rivals = ranked([lens.posterior, *lens.others], measured, few, light, old, part, rng)
@@ -177,13 +186,15 @@ def judge(rig: Rig, captures: Sequence[Correspondences], options: RecalibrateOpt
 def _apart(posteriors: list[Posterior], best: Posterior, part: Part | None, measured: Measured) -> list[Posterior]:
     """Each hypothesis fitted again without the parts that it does not explain, though they have an explanation.
 
-    And each plane by itself where the best is louder than one of them alone: it may explain what does not belong
-    together.
+    And each plane by itself where the best, or one that is right in part, is louder than one of them alone: it may
+    explain what does not belong together.
     """
     points = measured.support.points
     starts = [(fit.parameters, parts_apart(fit, part, measured.homography_residuals)) for fit in posteriors]
-    quiet = min(plane_levels(measured), default=np.inf)
-    if not max(best.fit.epipolar_noise.level, best.fit.along_noise.level) < LOUD * quiet:
+    quiet = LOUD * min(plane_levels(measured), default=np.inf)
+    levels = [(fit.fit.epipolar_noise.level, fit.fit.along_noise.level) for fit in posteriors]
+    partly = any(min(both) < quiet <= max(both) for both in levels)
+    if partly or not max(best.fit.epipolar_noise.level, best.fit.along_noise.level) < quiet:
         homographies = [best.pose.R + best.pose.t[:, None] * n for n in best.pose.planes]
         for plane, twin in twins_of_planes(points, homographies):
             elsewhere = points.plane_index != plane
@@ -194,6 +205,8 @@ def _apart(posteriors: list[Posterior], best: Posterior, part: Part | None, meas
             apart = measured
             for other in others:
                 apart = set_aside(apart, other)
+            if apart.aside is not None and np.count_nonzero(~apart.aside) < len(points) * LEAST_LEFT:
+                continue  # what is left of it any pose explains
             try:
                 found.append(fit_posterior(apart, start, best.prior, 6))
             except DegenerateError:

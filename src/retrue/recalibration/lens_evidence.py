@@ -14,9 +14,9 @@ from retrue.geometry.two_view import TwoViewPose
 from retrue.recalibration.candidates import behind, same_pose
 from retrue.recalibration.chance import beyond_chance
 from retrue.recalibration.lens import FOCAL, LENS_PARAMETERS, LensPrior, scaled_starts
-from retrue.recalibration.parts import Part
+from retrue.recalibration.parts import LOUD, Part
 from retrue.recalibration.posterior import Measured, Parameters, Posterior, Prior, fit_posterior, posterior_at
-from retrue.recalibration.rivals import LOUD, UNEXPLAINED, least, move_deg, move_nats, plane_levels
+from retrue.recalibration.rivals import SELDOM, UNEXPLAINED, least, move_deg, move_nats, plane_levels
 
 KNOWN_FOCAL = 0.01
 MISFIT_PX = 0.04  # of a real lens from its model, shared by a part of the picture: no term of the model mends it
@@ -24,6 +24,7 @@ CHANGED_GAIN = 30.0  # of chi-square; eight parameters that nobody touched gain 
 DOUBTFUL_GAIN = 9.0
 FAR_MOVE_DEG = 10.0
 FARTHEST = 3.0  # wide sigma that a lens changes by
+CURVED = 30.0  # times as bowed as planes are: balls, pipes, faces
 PART_PRICE = 60.0  # of chi-square: five free parameters, and the choice of points
 
 
@@ -66,6 +67,7 @@ def lens_evidence(
     noise, moved = best.fit.epipolar_noise, move_deg(best.pose, old)
     quiet = min(plane_levels(measured), default=np.inf)
     elsewhere = not (noise.level < min(LOUD * quiet, 1.0) and noise.shared < max(0.5 * noise.level, MISFIT_PX))
+    elsewhere = elsewhere or best.measured.aside is not None  # what was set aside may be right, through other lenses
     posterior, others = None, ()
     if gain > DOUBTFUL_GAIN or elsewhere or moved > FAR_MOVE_DEG:
         starts = [(best.parameters, 30)]
@@ -118,18 +120,31 @@ def _with_prior(told: FloatArray, prior: LensPrior) -> FloatArray:
 def _gain(measured: Measured, best: Posterior, free: Posterior, prior: LensPrior, part: Part | None) -> float:
     """Chi-square by which the points prefer the free lenses to those of the prior, wherever that fits best.
 
-    In the noise of the latter, which free lenses must explain.
+    In the noise of the latter, which free lenses must explain. Their rival is also a scene whose planes are none, but
+    curved: it looks as flat through other lenses as planes do through the rig's own.
     """
+    measured = replace(measured, aside=best.measured.aside)
+    curved = replace(measured, flatness=CURVED * measured.flatness)
     gains: list[float] = []
     for start in (best, free):
         held = fit_posterior(measured, start.parameters, Prior(prior, free=True), 15)
-        costs, price = _joint_costs(held, held), held.prior_cost
-        if part is not None:  # the rival of a changed lens: those points are seen in a mirror, or moved
-            costs[part.rows] = np.minimum(costs[part.rows], 1.0)
-            price += PART_PRICE
-        preferred = costs - _joint_costs(free, held)
-        gains.append((float(preferred.sum()) + price - free.prior_cost) * beyond_chance(preferred))
+        gains.append(_preferred(held, free, part, 0.0))
+        if gains[-1] > DOUBTFUL_GAIN and start.parameters.bows.size:
+            bent = replace(start.parameters, bows=start.parameters.bows / CURVED)
+            held = fit_posterior(curved, bent, Prior(prior, free=True), 15)
+            gains.append(_preferred(held, free, part, 2 * float(np.log(CURVED)) * bent.bows.size))
     return min(gains)
+
+
+def _preferred(held: Posterior, free: Posterior, part: Part | None, price: float) -> float:
+    costs = _joint_costs(held, held)
+    # The rival of a changed lens: those points are seen in a mirror, or moved.
+    for rows in (held.measured.aside, None if part is None else part.rows):
+        if rows is not None:
+            costs[rows] = np.minimum(costs[rows], 1.0 + SELDOM)
+            price += PART_PRICE
+    preferred = costs - _joint_costs(free, held)
+    return (float(preferred.sum()) + price + held.prior_cost - free.prior_cost) * beyond_chance(preferred)
 
 
 def _joint_costs(posterior: Posterior, reference: Posterior) -> FloatArray:

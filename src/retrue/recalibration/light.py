@@ -27,17 +27,19 @@ PROJECTOR_CURVE = 0.1  # likewise, of what falls off to all sides
 CAMERA_FALL_OFF = 0.5  # sigma of the exponent of cos^4: a lens has half to one and a half of that, or is corrected
 CLASS_SIGMA = 2.0  # of a block colour's constant: next to free
 CAUCHY = 1.5  # scatters at which a difference counts half
+LEFT_LIGHT = 0.3  # of the median that the projector sends: other light that nobody took away
+LEFT_PRICE = 4.6  # of chi-square: one picture in ten has it
 SMALLEST_SCATTER = 0.01  # of log light: no camera measures it more closely
 DARK = 3.0  # of log light: how wrong a prediction of no light is, where there is some
 ROUNDS = 8
 
 
 def log_irradiance(projector_rays: FloatArray, R: FloatArray, t: FloatArray, planes: FloatArray) -> FloatArray:
-    """(N,) log of the light that falls on each point's plane, up to a constant: 3 log(n^ . r / cos alpha).
+    """(N,) log of the light that falls on each point's plane, up to a constant: 3 log(n^ . r / cos alpha) - 2 log D.
 
-    A pixel at the angle alpha from the projector's axis sends its light along the unit ray r. On the plane n . X = 1 of
-    the projector's frame it falls under the angle theta at the distance d, with cos(theta) / d^2 ~ (n^ . r)^3; and a
-    pixel at alpha is narrower than one on the axis by cos^3 alpha. NaN where the plane is seen from behind.
+    A pixel at the angle alpha from the projector's axis sends its light along the unit ray r. On the plane n^ . X = D
+    of the projector's frame it falls under the angle theta at the distance d, with cos(theta) / d^2 = (n^ . r)^3 / D^2;
+    and a pixel at alpha is narrower than one on the axis by cos^3 alpha. NaN where the plane is seen from behind.
 
     Parameters
     ----------
@@ -52,8 +54,10 @@ def log_irradiance(projector_rays: FloatArray, R: FloatArray, t: FloatArray, pla
     """
     normals = planes @ R.T
     facing = normals[:, 0] * projector_rays[:, 0] + normals[:, 1] * projector_rays[:, 1] + normals[:, 2]
-    facing = facing / np.linalg.norm(normals, axis=1) * np.sign(1 + normals @ t)
-    return 3 * np.log(np.where(facing > 0, facing, np.nan))
+    length, reaches = np.linalg.norm(normals, axis=1), 1 + normals @ t
+    facing = facing / length * np.sign(reaches)
+    with np.errstate(divide="ignore"):
+        return 3 * np.log(np.where(facing > 0, facing, np.nan)) - 2 * np.log(np.abs(reaches) / length)
 
 
 def light_costs(
@@ -69,7 +73,8 @@ def light_costs(
     log light = c(class) + gamma (log irradiance + s) + noise. s is what lenses and lamp do, smooth and bounded by its
     prior: first and radial order in the projector's picture, a power of cos^4 in the camera's. The noise is that of
     differences between neighbours, with Cauchy's heavy tails at the scatter that the best candidate leaves. A point is
-    in several pairs and measures once; the sum is scaled to that.
+    in several pairs and measures once; the sum is scaled to that. Where other light was left in, dark places look less
+    dark than they are: a candidate may have that, too, at a price.
 
     Parameters
     ----------
@@ -83,7 +88,7 @@ def light_costs(
     if len(rows) < FEWEST_POINTS:
         return None
     columns = np.column_stack([np.log(light[rows]), camera_rays[rows], projector_raster[rows]])
-    columns = np.column_stack([columns, *(p[rows] for p in predictions)])
+    columns = np.column_stack([columns, *(shown for p in predictions for shown in _curves(p[rows]))])
     if len(rows) > MOST_POINTS:
         columns, light_class = _merged(columns, light_class[rows], rng)
     else:
@@ -93,7 +98,14 @@ def light_costs(
     measured, *wanted = np.nan_to_num(columns[first] - columns[second], nan=DARK)[:, [0, *range(5, columns.shape[1])]].T
     pairs = _Pairs(measured, terms[first] - terms[second], precision, len(columns))
     scatter = max(min(pairs.scatter(change) for change in wanted), SMALLEST_SCATTER)
-    return [min(pairs.cost(gamma * change, scatter) for gamma in GAMMAS) for change in wanted]
+    found = [min(pairs.cost(gamma * change, scatter) for gamma in GAMMAS) for change in wanted]
+    return [min(none, left + LEFT_PRICE) for none, left in zip(found[::2], found[1::2], strict=True)]
+
+
+def _curves(predicted: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """The prediction (N,), and what it looks like with other light in it."""
+    around = predicted - np.median(predicted[np.isfinite(predicted)]) if np.isfinite(predicted).any() else predicted
+    return around, np.log(np.exp(around) + LEFT_LIGHT)
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -8,7 +8,7 @@ import numpy as np
 
 from retrue.geometry.arrays import BoolArray, FloatArray, IntArray
 from retrue.geometry.camera import Camera
-from retrue.geometry.two_view import TwoViewPoints
+from retrue.geometry.two_view import FREE, TwoViewPoints
 from retrue.kernels import lenses as kernel
 from retrue.recalibration.fit import Support
 from retrue.recalibration.lens import LENS_PARAMETERS, changed_device, lens_numbers, magnification
@@ -87,6 +87,15 @@ class Measured:
             else self.homography_residuals,
             aside=None if self.aside is None else self.aside[rows],
         )
+
+    def without_planes(self, gone: BoolArray) -> Measured:
+        """The same where the points of those planes (P,) lie on none."""
+        plane = self.support.points.plane_index
+        number = np.append(np.where(gone, FREE, np.cumsum(~gone) - 1), FREE)[plane]  # the last is that of FREE
+        points = replace(self.support.points, plane_index=number)
+        blocks = np.stack([self.support.blocks[0], np.where(number == FREE, -1, self.support.blocks[1])])
+        shapes = np.where(number[:, None] == FREE, 0.0, self.shapes)
+        return replace(self, support=Support(points, blocks), shapes=shapes)
 
     @property
     def _devices(self) -> tuple[tuple[Camera, FloatArray], tuple[Camera, FloatArray]]:

@@ -20,6 +20,7 @@ FEWEST_OF_A_PART = 15
 STRIPS, MOST_SAMPLES = 4, 180
 CENTRES = 50  # shifts to look for others about
 SHARE_OF_A_PART = 0.3  # of the unexplained points; five free choices among wrong matches bring few together
+LOUD = 1.5  # times the noise that a plane by itself leaves: a pose that explains what does not belong together
 MOST_OF_A_PLANE = 0.5  # of its points, that the pose explains though the plane belongs to another
 
 
@@ -79,8 +80,10 @@ def planes_apart(posterior: Posterior, outside: BoolArray, missed: FloatArray) -
     for index in range(len(posterior.pose.planes)):
         members = plane == index
         rows = members & (outside | ~(posterior.fit.robust_weights[1] > 0))
-        if np.count_nonzero(rows) > max(FEWEST_OF_A_PART, (1 - MOST_OF_A_PLANE) * np.count_nonzero(members)):
-            found.append(Part("a plane of its own", members, 8, missed[members], _level(missed[members])))
+        own = _level(missed[members]) if members.any() else np.inf
+        many = np.count_nonzero(rows) > max(FEWEST_OF_A_PART, (1 - MOST_OF_A_PLANE) * np.count_nonzero(members))
+        if many or biweight_level(posterior.fit.found.along[members]) > LOUD * own:
+            found.append(Part("a plane of its own", members, 8, missed[members], own))
     return found
 
 

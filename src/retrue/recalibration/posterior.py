@@ -282,6 +282,10 @@ def improved(here: Posterior, iterations: int) -> Posterior:
         step, length = here.step(damping)
         moved = posterior_at(here.measured, here.parameters.moved(step), here.prior)
         gained = cost - _cost(moved, here)
+        if not gained >= 0:  # the valley bends: a straight step leaves it, and one more leads back, further down
+            back = posterior_at(here.measured, moved.parameters.moved(moved.step(damping)[0]), here.prior)
+            if _cost(back, here) < _cost(moved, here):
+                moved, gained = back, cost - _cost(back, here)
         if not gained >= -(cost * 1e-9 + 1e-6):
             damping, too_long = max(10 * damping, 1e-4), True
             if damping > LARGEST_DAMPING or length < SETTLED:
@@ -307,7 +311,7 @@ def posterior_at(measured: Measured, parameters: Parameters, prior: Prior) -> Po
     """Residuals, noise and weights at one place of the parameters; normal equations when they are asked for."""
     points = measured.seen(parameters.lens)
     bows = measured.bends, np.ascontiguousarray(parameters.bows)
-    fit = evaluate(parameters.pose, Support(points, measured.support.blocks), bows)
+    fit = evaluate(parameters.pose, Support(points, measured.support.blocks), bows, measured.aside)
     fit = without_chance(fit, measured.aside)
     if measured.misfit > 0:
         fit = _with_misfit(fit, measured)

@@ -24,13 +24,12 @@ from retrue.rig import Rig
 
 UNEXPLAINED = 12.0  # of chi-square: what a point costs that a hypothesis does not explain, or has hidden or behind
 NEAREST_DEG = 1.0  # a move below this is none: nearer to the old pose says no more
-LIGHT_TRUST = 0.25  # of the light's own likelihood: paint and gloss are not what it models
+LIGHT_TRUST = 2.0  # of neighbours' own likelihood, who tell more of slow changes than as many pairs alone would
 LIGHT_MATTERS = 300.0  # nats of points and move: what light alone does not turn
 PARAMETER = 12.0  # of chi-square, what a free parameter costs: its range is some 400 times what the points leave
 FEWEST_OF_A_PLANE = 12
 SELDOM = 1.7  # of chi-square, 2 log(.7 / .3): a point of a copy, a mirror, or what moved, is the rarer one
 ROUGH = 0.3  # of chi-square: what bows and lenses that no model holds make of a point on a plane
-LOUD = 1.5  # times the noise that a plane of it leaves: a pose that explains what does not belong together
 WITHIN = 5.0  # sigma of the best
 APART = 10.0  # times the noise: nearer to the line where two planes meet, either may claim a point
 
@@ -306,23 +305,20 @@ class Light:
 
     def evidence(self, best: Posterior, others: list[Posterior], few: Rays, rng: np.random.Generator) -> list[float]:
         """Nats that the light gives the best hypothesis over each other, of the points on planes."""
-        points = few.points
-        rows = np.flatnonzero((points.plane_index != FREE) & (best.fit.robust_weights[1] > 0))
+        points, plane = few.points, few.points.plane_index
         found = np.zeros(len(others))
         for capture in range(int(few.capture.max(initial=-1)) + 1):
-            mine = rows[few.capture[rows] == capture]
-            plane = points.plane_index[mine]
-            predictions = [
-                log_irradiance(points.projector_rays[mine], fit.pose.R, fit.pose.t, fit.pose.planes[plane])
-                for fit in (best, *others)
-            ]
-            for index, other in enumerate(others, 1):  # of what only one of the two explains, light tells nothing
-                known = other.fit.robust_weights[1][mine] > 0
-                predictions[index] = np.where(known, predictions[index], predictions[0])
-            where = points.camera_rays[mine], self.raster[mine]
-            light_cost = light_costs(self.light[mine], self.light_class[mine], *where, predictions, rng)
-            if light_cost is not None:
-                found += 0.5 * LIGHT_TRUST * (np.array(light_cost[1:]) - light_cost[0])
+            mine = (plane != FREE) & (best.fit.robust_weights[1] > 0) & (few.capture == capture)
+            for index, other in enumerate(others):  # of what only one of the two explains, light tells nothing
+                rows = np.flatnonzero(mine & (other.fit.robust_weights[1] > 0))
+                predictions = [
+                    log_irradiance(points.projector_rays[rows], fit.pose.R, fit.pose.t, fit.pose.planes[plane[rows]])
+                    for fit in (best, other)
+                ]
+                where = points.camera_rays[rows], self.raster[rows]
+                light_cost = light_costs(self.light[rows], self.light_class[rows], *where, predictions, rng)
+                if light_cost is not None:
+                    found[index] += 0.5 * LIGHT_TRUST * (light_cost[1] - light_cost[0])
         return found.tolist()
 
 
