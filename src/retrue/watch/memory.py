@@ -140,7 +140,8 @@ def _creep(document: Mapping[str, Any] | None) -> Creep | None:
         return None
     sizes = {"last": 6, "frame_sigma": 2, "offset": 6, "sigma": 2, "scatter": 2, "baseline": 6, "baseline_sigma": 2}
     values: dict[str, Any] = {name: _numbers(document[name], size) for name, size in sizes.items()}
-    return Creep(**values | {name: int(document[name]) for name in ("frames", "jumped", "rested")})
+    values.update({name: int(document[name]) for name in ("frames", "jumped", "rested")})
+    return Creep(**values)
 
 
 def _numbers(values: Any, size: int) -> Any:

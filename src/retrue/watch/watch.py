@@ -143,9 +143,9 @@ class Watch:
         write_state(self.state_path, self.state)
 
     def _creep_is_due(self) -> bool:
-        memory = self._memory
-        enough = len(memory.recent) >= self.options.joint_frames  # fewer for a while after a restart
-        return enough and not memory.streak.drifted and creep_is_due(memory.creep, self.options.creep)
+        memory, limits = self._memory, self.options
+        enough = len(memory.recent) >= min(limits.joint_frames, limits.remembered_frames)  # not so after a restart
+        return enough and not memory.streak.drifted and creep_is_due(memory.creep, limits.creep)
 
     def _recalibrate(self, rig: Rig) -> None:
         kind = "bump" if self._memory.jumped else "creep"
