@@ -38,11 +38,18 @@ class Noise:
     level : standard deviation of the independent part.
     shared : standard deviation of the part that the points of a block share.
     variance : (N,) effective variance: sums of squares over it are chi-square.
+    alikeness : by how much neighbouring blocks, being alike, raise that of the shared part.
     """
 
     level: float
     shared: float
     variance: FloatArray
+    alikeness: float = 1.0
+
+    @property
+    def variance_of_blocks(self) -> FloatArray:
+        """(N,) the same if each block erred by itself."""
+        return self.level**2 + (self.variance - self.level**2) / self.alikeness
 
 
 def biweight(relative: FloatArray) -> FloatArray:
@@ -161,10 +168,8 @@ def with_shared_part(values: FloatArray, weights: FloatArray, level: float, bloc
     groups = int(blocks.max(initial=-1)) // per_side**2 + 1
     number, total = np.empty((2, groups * per_side**2 + 1))  # the last stays empty: it is block -1
     shared = cast("float", kernel.shared_part(values, weights, level, blocks, number, total, variance))
-    if shared > 0:
-        common = variance[blocks >= 0] - level**2
-        variance[blocks >= 0] = level**2 + _alikeness(number, total, shared, per_side) * common
-    return Noise(level, shared, variance)
+    alikeness = _alikeness(number, total, shared, per_side) if shared > 0 else 1.0
+    return Noise(level, shared, level**2 + (variance - level**2) * alikeness, alikeness)
 
 
 def _alikeness(number: FloatArray, total: FloatArray, shared: float, per_side: int) -> float:

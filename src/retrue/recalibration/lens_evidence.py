@@ -159,7 +159,7 @@ def _joint_costs(posterior: Posterior, reference: Posterior) -> FloatArray:
     found = biweight_loss(found / level)
     hidden = behind(posterior.pose, posterior.points, posterior.fit.epipolar_noise.level)
     found = np.where(hidden, np.maximum(found, UNEXPLAINED), found)
-    return found * level**2 / np.minimum(across.variance, along.variance)
+    return found * level**2 / np.minimum(across.variance_of_blocks, along.variance_of_blocks)
 
 
 def effective_prior(tight: LensPrior, lens: LensEvidence) -> LensPrior:

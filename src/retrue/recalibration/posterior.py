@@ -324,7 +324,7 @@ def _with_misfit(fit: PoseFit, measured: Measured) -> PoseFit:
     for noise, block in zip((fit.epipolar_noise, fit.along_noise), blocks, strict=True):
         number = np.bincount(block + 1)[block + 1]
         shared = float(np.hypot(noise.shared, measured.misfit))
-        noises.append(Noise(noise.level, shared, noise.variance + measured.misfit**2 * number))
+        noises.append(replace(noise, shared=shared, variance=noise.variance + measured.misfit**2 * number))
     return replace(fit, epipolar_noise=noises[0], along_noise=noises[1])
 
 
