@@ -11,7 +11,7 @@ from typing import Annotated
 
 from tyro.conf import Positional, arg
 
-from retrue.cli.command import Command, Outcome, log
+from retrue.cli.command import Command, Outcome, log, require_writable
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -27,13 +27,33 @@ class View(Command):
         Where to listen; only this computer can see what is on 127.0.0.1.
     port
         The port to listen on.
+    out
+        Write a page that needs no server instead: HTML that loads nothing, to turn, cut and measure.
+    compare
+        On that page the first of two clouds is "before", the second "after": a slider goes from one to the other.
     """
 
     files: Positional[Annotated[tuple[Path, ...], arg(metavar="FILE...")]]
     host: str = "127.0.0.1"
     port: int = 8080
+    out: Path | None = None
+    compare: bool = False
 
     def run(self) -> Outcome:
+        return self._serve() if self.out is None else self._write(self.out)
+
+    def _write(self, out: Path) -> Outcome:
+        from retrue.files.atomic import replaced_file
+        from retrue.viewer.contents import read_contents
+        from retrue.viewer.page import contents_page
+
+        require_writable(out)
+        page = contents_page(read_contents(self.files), compare=self.compare, title=out.stem)
+        with replaced_file(out) as stream:
+            stream.write(page.encode(errors="backslashreplace"))
+        return Outcome({"out": str(out)}, f"{out}: open it in a browser")
+
+    def _serve(self) -> Outcome:
         from retrue.viewer.contents import read_contents
         from retrue.viewer.scene import make_scene
         from retrue.viewer.server import require_viser, serving

@@ -82,7 +82,9 @@ class Space {
 
   reset() {
     const middle = this.spec.middle, far = Math.hypot(...middle) || 1;
-    this.target = [...middle]; this.turn = [-0.35, -0.12]; this.distance = 0.85 * far;
+    this.target = [...middle]; this.turn = [-0.35, -0.12]; 
+    const radius = Math.hypot(...this.spec.high.map((value, axis) => value - this.spec.low[axis])) / 2;
+    this.distance = Math.min(0.85 * far, 1.7 * radius);
   }
 
   compiled() {
@@ -166,7 +168,7 @@ class Space {
     gl.uniformMatrix4fv(this.at.seen, false, this.seen);
     gl.uniform3fv(this.at.cutLow, this.cut.low); gl.uniform3fv(this.at.cutHigh, this.cut.high);
     gl.uniform2fv(this.at.range, this.mode === "height" ? [-this.high[1], -this.low[1]] : [this.low[2], this.high[2]]);
-    gl.uniform1f(this.at.size, Math.max(1, (this.canvas.clientWidth < 700 ? 1.6 : 2.0) * ratio));
+    gl.uniform1f(this.at.size, Math.max(1, ratio * this.pointSize()));
     const shown = this.spec.layers.filter((layer) => layer.shown), total = shown.reduce((sum, layer) => sum + layer.count, 0) || 1;
     for (const layer of shown) {
       const part = this.part(layer, width);
@@ -190,6 +192,12 @@ class Space {
     this.drawn = this.filled; this.total = total;
     this.mark();
     if (!this.moving && this.filled < total) this.waiting = requestAnimationFrame(() => { this.waiting = null; this.frame(); });
+  }
+
+  // Few points are drawn larger, so that they read as a surface.
+  pointSize() {
+    const area = this.canvas.clientWidth * this.canvas.clientHeight, shown = this.spec.layers.reduce((sum, layer) => sum + layer.count, 0) || 1;
+    return Math.min(8, Math.max(1.8, 0.22 * Math.sqrt(area / shown)));
   }
 
   learn(milliseconds) {

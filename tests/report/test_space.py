@@ -1,0 +1,128 @@
+"""The drawing in space: what travels to the browser, and what it does there."""
+
+import base64
+import gzip
+import json
+import re
+import shutil
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scipy.spatial import cKDTree
+
+from retrue import Cloud, InputError, write_view
+from retrue.report.space import MOST_POINTS, Layer, Line, space_html, space_page
+
+BROWSER = shutil.which("chromium")
+
+
+def plane(count=4000, depth=1000.0, unit="mm"):
+    rng = np.random.default_rng(1)
+    points = np.column_stack([rng.uniform(-200, 200, (count, 2)), np.full(count, depth)])
+    colors = rng.integers(0, 256, (count, 3)).astype(np.uint8)
+    normals = np.tile([0.0, 0.0, -1.0], (count, 1))
+    return Cloud(points, colors, points[:, :2], unit, normals=normals, sigma=np.linspace(0.1, 1, count))
+
+
+def spec_of(html):
+    return json.loads(re.search(r'<script type="application/json">(.*?)</script>', html, re.S).group(1))
+
+
+def unpacked(text, kind):
+    return np.frombuffer(gzip.decompress(base64.b64decode(text)), kind)
+
+
+def test_points_travel_to_a_small_part_of_their_extent():
+    cloud = plane()
+    (layer,) = spec_of(space_html([Layer("points", cloud)]))["layers"]
+    places = unpacked(layer["place"], "<u2").reshape(-1, 3) / 65535 * layer["extent"] + layer["low"]
+    colors = unpacked(layer["tint"], "u1").reshape(-1, 3)
+    distance, row = cKDTree(cloud.points).query(places)
+    assert len(np.unique(row)) == len(cloud)
+    assert distance.max() < 400 / 65535
+    assert np.array_equal(colors, cloud.colors[row])
+
+
+def test_the_first_points_are_an_even_thinning():
+    (layer,) = spec_of(space_html([Layer("points", plane())]))["layers"]
+    few = unpacked(layer["place"], "<u2").reshape(-1, 3)[:400]
+    counts = np.histogram2d(few[:, 0], few[:, 1], bins=4)[0]
+    assert counts.min() > 8
+
+
+def test_too_many_points_are_thinned_and_that_is_said(monkeypatch):
+    monkeypatch.setattr("retrue.report.space.MOST_POINTS", 1000)
+    assert MOST_POINTS >= 2_000_000
+    (layer,) = spec_of(space_html([Layer("points", plane())]))["layers"]
+    assert layer["of"] == "1,000 of 4,000"
+
+
+def test_what_cannot_be_drawn_is_refused():
+    with pytest.raises(InputError, match="expected points"):
+        space_html([])
+    with pytest.raises(InputError, match="one unit"):
+        space_html([Layer("a", plane()), Layer("b", plane(unit="m"))])
+    with pytest.raises(InputError, match="expected a cloud or a mesh"):
+        write_view("never.html")
+
+
+def test_names_are_no_markup():
+    page = space_page([Layer("</script><b>", plane())], [Line("<q>", np.zeros((2, 3)), (1, 1, 1))], "<script>")
+    assert "</script><b>" not in page
+    assert "<q>" not in page
+    assert "<title><script>" not in page
+
+
+@pytest.mark.skipif(BROWSER is None, reason="chromium is not installed")
+@pytest.mark.parametrize("width", [1280, 390])
+def test_clicks_measure_a_slider_compares_and_planes_cut(tmp_path, width):
+    from playwright.sync_api import sync_playwright
+
+    cloud = plane(60_000)
+    write_view(tmp_path / "view.html", cloud, before=replace(cloud, points=cloud.points * [1, 1, 1.1]))
+    with sync_playwright() as play:
+        flags = ["--no-sandbox", "--use-angle=swiftshader", "--enable-unsafe-swiftshader", "--ignore-gpu-blocklist"]
+        browser = play.chromium.launch(executable_path=BROWSER, args=flags)
+        page = browser.new_page(viewport={"width": width, "height": 800})
+        errors = []
+        page.on("pageerror", lambda error: errors.append(str(error)))
+        page.goto((tmp_path / "view.html").as_uri())
+        page.wait_for_selector(".space[data-ready]")
+        page.wait_for_function("document.querySelector('.space').dataset.drawn == 120000")
+        assert page.evaluate("document.documentElement.scrollWidth <= innerWidth")
+        found = page.evaluate(
+            """() => {
+              const space = document.querySelector('.space').space;
+              space.turn = [0, 0]; space.frame(0);
+              const apart = [[-50, 0, 1000], [50, 0, 1000]].map((at) => space.onScreen(at));
+              space.spec.layers[0].shown = false;
+              for (const [x, y] of apart) space.click(x, y);
+              return document.querySelector('.measured').textContent;
+            }"""
+        )
+        assert float(found.split()[0]) == pytest.approx(100, abs=12)
+        page.fill(".truth input", "200")
+        assert "lengths" in page.text_content(".measured")
+        page.select_option(".unit", "m")
+        assert float(page.text_content(".measured").split()[0]) == pytest.approx(0.1, abs=0.012)
+        assert page.is_visible(".compare input")
+        page.select_option(".mode", "sigma")
+        page.wait_for_selector(".bar", state="visible")
+        cut = page.evaluate(
+            """() => {
+              const space = document.querySelector('.space').space, lit = () => {
+                const gl = space.gl, px = new Uint8Array(4 * gl.drawingBufferWidth * gl.drawingBufferHeight);
+                space.filled = 0; space.moving = false;
+                do space.frame(0); while (space.filled < space.total);
+                gl.readPixels(0, 0, gl.drawingBufferWidth, gl.drawingBufferHeight, gl.RGBA, gl.UNSIGNED_BYTE, px);
+                let count = 0;
+                for (let k = 0; k < px.length; k += 4) count += px[k] > 60 || px[k + 1] > 60;
+                return count;
+              };
+              const whole = lit(); space.cut.low[0] = 0; return lit() / whole;
+            }"""
+        )
+        assert 0.35 < cut < 0.65
+        assert not errors
+        browser.close()
