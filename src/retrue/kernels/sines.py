@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import cython
-from cython.cimports.libc.math import fabsf, sqrtf
+from cython.cimports.libc.math import sqrt
 
 INFINITY = cython.declare(cython.float, float("inf"))
 TURN = cython.declare(cython.float, 6.283185307179586)
@@ -22,7 +22,7 @@ def _turns(s: cython.float, c: cython.float) -> cython.float:
 
     Source: Abramowitz and Stegun, "Handbook of Mathematical Functions", 1964, eq. 4.4.49.
     """
-    x, y = fabsf(c), fabsf(s)
+    x, y = abs(c), abs(s)
     t = (y if y < x else x) / ((x if y < x else y) + TINY)
     z: cython.float = t * t
     a: cython.float = z * cython.cast(cython.float, 0.0028662257) - cython.cast(cython.float, 0.0161657367)
@@ -92,6 +92,6 @@ def demodulate(
                 value = s[i] * s[i] * cc[i] - 2 * s[i] * c[i] * cs[i] + c[i] * c[i] * ss[i]
                 value = value / (square * square * TURN * TURN + TINY)
                 found[1, p + i] = INFINITY if square < smallest else value
-                found[2, p + i] = sqrtf(square if square > smallest else smallest)
+                found[2, p + i] = sqrt(square if square > smallest else smallest)
                 saturated[p + i] = most[i] >= full
             p += BLOCK

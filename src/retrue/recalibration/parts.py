@@ -21,6 +21,7 @@ STRIPS, MOST_SAMPLES = 4, 180
 CENTRES = 50  # shifts to look for others about
 SHARE_OF_A_PART = 0.3  # of the unexplained points; five free choices among wrong matches bring few together
 LOUD = 1.5  # times the noise that a plane by itself leaves: a pose that explains what does not belong together
+MUCH_LOUDER = 3.0  # likewise, of a plane that belongs to another pose; real lenses make it twice as loud
 MOST_OF_A_PLANE = 0.5  # of its points, that the pose explains though the plane belongs to another
 
 
@@ -82,7 +83,7 @@ def planes_apart(posterior: Posterior, outside: BoolArray, missed: FloatArray) -
         rows = members & (outside | ~(posterior.fit.robust_weights[1] > 0))
         own = _level(missed[members]) if members.any() else np.inf
         many = np.count_nonzero(rows) > max(FEWEST_OF_A_PART, (1 - MOST_OF_A_PLANE) * np.count_nonzero(members))
-        if many or biweight_level(posterior.fit.found.along[members]) > LOUD * own:
+        if many or biweight_level(posterior.fit.found.along[members]) > MUCH_LOUDER * own:
             found.append(Part("a plane of its own", members, 8, missed[members], own))
     return found
 
