@@ -39,11 +39,17 @@ class PhotographCommand(ReportingCommand):
     matcher: Literal["sift", "lightglue", "loftr"] = "sift"
 
     def read(
-        self, rig: Rig, captures: Sequence[Path], pattern: Path | None, *, one_coordinate: bool = False
+        self,
+        rig: Rig,
+        captures: Sequence[Path],
+        pattern: Path | None,
+        *,
+        one_coordinate: bool = False,
+        photographs: bool = False,
     ) -> list[Capture]:
         """As of any command; pairs of photographs where that is asked for."""
         if not self.takes_photographs(captures):
-            return super().read(rig, captures, pattern, one_coordinate=one_coordinate)
+            return super().read(rig, captures, pattern, one_coordinate=one_coordinate, photographs=photographs)
         if pattern is not None:
             raise InputError("expected --stereo or --pattern: photographs of a scene show no pattern")
         return [pair.capture for pair in read_pairs(rig, captures, self.matcher)]

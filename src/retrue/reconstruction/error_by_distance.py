@@ -93,11 +93,16 @@ def _at(rig: Rig, distance: float, noise_px: float) -> DistanceError:
     ray = seen / np.linalg.norm(seen, axis=1, keepdims=True)
     side = np.eye(3) - ray[:, :, None] * ray[:, None]
     widest = np.linalg.eigvalsh(side @ (own + common) @ side)[:, -1]
-    along = [float(np.mean(np.einsum("ni,nij,nj->n", ray, part, ray))) for part in (own, common)]
+    along = [float(np.mean(_along(ray, part))) for part in (own, common)]
     return DistanceError(distance, float(lit.mean()), *np.sqrt([*along, sum(along), float(np.mean(widest))]).tolist())
 
 
 def common_sigma(known: Uncertainty, points: FloatArray) -> float:
     """RMS along the camera's ray of what the rig makes points (N, 3) err by together."""
     ray = points / np.linalg.norm(points, axis=1, keepdims=True)
-    return float(np.sqrt(np.mean(np.einsum("ni,nij,nj->n", ray, known.covariance(points, "common"), ray))))
+    return float(np.sqrt(np.mean(_along(ray, known.covariance(points, "common")))))
+
+
+def _along(rays: FloatArray, covariances: FloatArray) -> FloatArray:
+    """(N,) variance along each unit ray (N, 3), of covariances (N, 3, 3)."""
+    return np.einsum("ni,nij,nj->n", rays, covariances, rays)

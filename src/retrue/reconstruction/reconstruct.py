@@ -132,7 +132,7 @@ def _without_strays(cloud: Cloud, grid: SurfaceGrid) -> Cloud:
 def set_aside(rig: Rig, points: Correspondences, cloud: Cloud) -> Cloud:
     """The points in front of both devices that `cloud`, made of the same, was made without; possibly none."""
     everything = reconstruct(rig, points, ReconstructOptions(outlier_sigmas=1e12, keep_strays=True))
-    kept = set(map(tuple, cloud.camera_px.tolist()))
+    kept = {tuple(pixel) for pixel in cloud.camera_px.tolist()}
     return everything.select(np.array([tuple(pixel) not in kept for pixel in everything.camera_px.tolist()], np.bool_))
 
 

@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from retrue.errors import DegenerateError, InputError, require_kind
-from retrue.geometry.arrays import BoolArray, FloatArray, finite_array
+from retrue.geometry.arrays import BoolArray, FloatArray, IntArray, finite_array
 from retrue.reconstruction.cloud import Cloud, require_cloud
 from retrue.reconstruction.uncertainty import rig_covariance
 from retrue.rig import Rig, require_rig
@@ -158,8 +158,8 @@ def find_ball(cloud: Cloud, click_px: ArrayLike) -> Ball:
     members = order[:SEED]
     sigma = _sigmas(cloud)
     count = 0
+    centre, radius = _sphere(cloud.points[members])
     for _ in range(ROUNDS):
-        centre, radius = _sphere(cloud.points[members])
         off = np.abs(np.linalg.norm(cloud.points - centre, axis=1) - radius)
         usual = sigma if cloud.sigma is not None else 1.4826 * float(np.median(off[members]))
         reach = np.linalg.norm(cloud.camera_px - cloud.camera_px[order[0]], axis=1)
@@ -170,6 +170,7 @@ def find_ball(cloud: Cloud, click_px: ArrayLike) -> Ball:
         if len(members) == count:
             break
         count = len(members)
+        centre, radius = _sphere(cloud.points[members])
     return _adjusted(cloud.points[members], sigma[members], centre, radius)
 
 
@@ -177,12 +178,13 @@ def _sphere(X: FloatArray) -> tuple[FloatArray, float]:
     """|X|^2 = 2 c . X + (r^2 - |c|^2), linear in c and the last."""
     middle = X.mean(axis=0)
     Y = X - middle
-    solved = np.linalg.lstsq(np.column_stack([2 * Y, np.ones(len(Y))]), (Y**2).sum(axis=1), rcond=None)[0]
+    squares: FloatArray = (Y**2).sum(axis=1)
+    solved = np.linalg.lstsq(np.column_stack([2 * Y, np.ones(len(Y))]), squares, rcond=None)[0]
     return middle + solved[:3], float(np.sqrt(max(solved[3] + solved[:3] @ solved[:3], 0.0)))
 
 
 def _adjusted(X: FloatArray, sigma: FloatArray, centre: FloatArray, radius: float) -> Ball:
-    covariance = np.eye(4)
+    covariance: FloatArray = np.eye(4)
     unknowns = np.append(centre, radius)
     off = np.zeros(len(X))
     for _ in range(10):
@@ -190,7 +192,7 @@ def _adjusted(X: FloatArray, sigma: FloatArray, centre: FloatArray, radius: floa
         distance = np.linalg.norm(away, axis=1)
         off = (distance - unknowns[3]) / sigma
         J = np.column_stack([-away / distance[:, None], -np.ones(len(X))]) / sigma[:, None]
-        covariance = np.linalg.pinv(J.T @ J)
+        covariance = cast(FloatArray, np.linalg.pinv(J.T @ J))
         unknowns -= covariance @ (J.T @ off)
     covariance = covariance * max(1.0, float(off @ off) / max(len(X) - 4, 1))
     away = (X - unknowns[:3]) / unknowns[3]
@@ -210,7 +212,7 @@ def _sigmas(cloud: Cloud) -> FloatArray:
     return np.where(known, np.nan_to_num(cloud.sigma), usual)
 
 
-def _clicked(cloud: Cloud, pixel: ArrayLike) -> tuple[FloatArray, FloatArray]:
+def _clicked(cloud: Cloud, pixel: ArrayLike) -> tuple[FloatArray, IntArray]:
     """(3,) the place, and the rows that it is the mean of."""
     rows = _by_distance(cloud, pixel)[:NEAREST]
     rows = rows[np.abs(cloud.points[rows, 2] - cloud.points[rows[0], 2]) <= 0.02 * cloud.points[rows[0], 2]]
@@ -223,7 +225,7 @@ def _clicked(cloud: Cloud, pixel: ArrayLike) -> tuple[FloatArray, FloatArray]:
     return np.linalg.lstsq(terms * root, cloud.points[rows] * root, rcond=None)[0][0], rows
 
 
-def _by_distance(cloud: Cloud, pixel: ArrayLike) -> Any:
+def _by_distance(cloud: Cloud, pixel: ArrayLike) -> IntArray:
     """Rows of the points, those nearest to a camera pixel first."""
     require_cloud(cloud)
     away = np.linalg.norm(cloud.camera_px - finite_array(pixel, (2,), "pixel"), axis=1)

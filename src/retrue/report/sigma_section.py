@@ -80,8 +80,8 @@ def _table(cloud: Cloud, rig: Rig, unit: LengthUnit) -> Table:
     assert cloud.uncertainty is not None
     noise = np.hypot(cloud.uncertainty.camera_sigma_px, cloud.uncertainty.projector_sigma_px)
     typical = float(np.nanmedian(noise))
-    near, far = np.quantile(cloud.points[:, 2], [0.005, 0.995]).tolist()
-    distances: list[float] = [float(at) for at in np.geomspace(0.7 * near, 1.4 * far, 7)]
+    near, far = (float(np.quantile(cloud.points[:, 2], share)) for share in (0.005, 0.995))
+    distances: list[float] = np.geomspace(0.7 * near, 1.4 * far, 7).tolist()
     errors = error_by_distance(rig, distances, max(typical, 1e-6))
     rows = tuple(
         (unit.text(row.distance), *(_length(size, unit) for size in (row.own, row.common, row.along, row.aside)))
