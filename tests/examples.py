@@ -72,6 +72,8 @@ def examples() -> dict[str, object]:
         retrue.CadOptions(), retrue.CalibrationOptions(), retrue.RecalibrateOptions(), retrue.ReconstructOptions(),
         retrue.AcceptOptions(max_form=0.1), retrue.MergeOptions(), retrue.parse_artefact("spheres:25mm:150mm+-0.003mm"),
         retrue.SimulateOptions(), retrue.VerifyOptions(), retrue.RecordOptions(),
+        retrue.Photographs(), retrue.Matches(grid.copy(), lifted[:, :2].copy(), np.ones(30)),
+        retrue.Scale(1.01, 0.002, 0.99, 1.0, "two points"), *retrue.error_by_distance(RIG, [3.0]),
         retrue.Frame("phase", "column", period_px=64.0, shift=0.25),
         retrue.layout_sequence("slstudio-2x3", (1824, 1140)),
         retrue.parse_setup('[camera]\ndriver = "opencv"\n[projector]\ndriver = "window"\n', "setup.toml"),

@@ -17,10 +17,13 @@ SHOWN = [name for name in public_values() if issubclass(getattr(retrue, name), S
 PLAIN = {
     "Artefact",
     "Board",
+    "DistanceError",
     "Frame",
     "GrayCode",
     "KnownDistance",
+    "Photographs",
     "Reason",
+    "Scale",
     "Setup",
 }  # as Python shows them: a few short fields
 

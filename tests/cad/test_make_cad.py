@@ -136,7 +136,7 @@ def test_a_missing_opencascade_names_the_extra(monkeypatch):
         raise ImportError(name)
 
     monkeypatch.setattr(step_file, "import_module", absent)
-    with pytest.raises(InputError, match=r"pip install 'retrue\[cad\]'"):
+    with pytest.raises(InputError, match=r"pip install '\.\[cad\]'"):
         require_step("part.step", "mm")
 
 

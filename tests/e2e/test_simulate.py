@@ -69,5 +69,5 @@ def test_without_the_renderer_the_extra_is_named(
 ) -> None:
     monkeypatch.setattr("retrue.simulation.mitsuba_scene.find_spec", lambda _: None)
     run = retrue("simulate", "wall", "--rig", rig, "--pattern", rig, "--out", tmp_path / "made")
-    run.require_complaint("retrue[simulate]")
+    run.require_complaint(".[simulate]")
     assert not (tmp_path / "made").exists()

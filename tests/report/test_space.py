@@ -89,7 +89,7 @@ def test_clicks_measure_a_slider_compares_and_planes_cut(tmp_path, width):
         page.on("pageerror", lambda error: errors.append(str(error)))
         page.goto((tmp_path / "view.html").as_uri())
         page.wait_for_selector(".space[data-ready]")
-        page.wait_for_function("document.querySelector('.space').dataset.drawn == 120000")
+        page.wait_for_selector(".space[data-drawn='120000']")
         assert page.evaluate("document.documentElement.scrollWidth <= innerWidth")
         found = page.evaluate(
             """() => {
@@ -120,6 +120,7 @@ def test_clicks_measure_a_slider_compares_and_planes_cut(tmp_path, width):
                 for (let k = 0; k < px.length; k += 4) count += px[k] > 60 || px[k + 1] > 60;
                 return count;
               };
+              space.spec.layers[0].shown = true;  // each is shown on its side of the slider
               const whole = lit(); space.cut.low[0] = 0; return lit() / whole;
             }"""
         )

@@ -160,7 +160,7 @@ def test_what_cannot_be_simulated_says_why(monkeypatch: pytest.MonkeyPatch) -> N
     with pytest.raises(InputError, match="ambient"):
         SimulateOptions(ambient=float("nan"))
     monkeypatch.setattr(mitsuba_scene, "find_spec", lambda _: None)
-    with pytest.raises(InputError, match=r"retrue\[simulate\]"):
+    with pytest.raises(InputError, match=r"\.\[simulate\]"):
         simulate(RIG, "wall", grid)
 
 

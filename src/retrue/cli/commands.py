@@ -45,8 +45,8 @@ EXAMPLES: dict[str, tuple[str, ...]] = {
         "retrue merge view_*.ply --turntable 12 --out object.ply",
     ),
     "accept": (
-        "retrue accept rig.json position_*.jpg --pattern pattern.json \\\n      --artefact "
-        "spheres:25mm:150.012mm+-0.003mm --max-spacing 0.1 --out certificate.pdf",
+        "retrue accept rig.json position_*.jpg --pattern pattern.json \\\n"
+        "      --artefact spheres:25mm:150.012mm --max-spacing 0.1 --out test.pdf",
     ),
     "view": ("retrue view rig.json cloud.ply",),
     "studio": ("retrue studio --simulated", "retrue studio setup.toml --port 8090"),
@@ -60,10 +60,10 @@ EXAMPLES: dict[str, tuple[str, ...]] = {
     "rollback": ("retrue rollback rig.json 3",),
     "diff": ("retrue diff rig.json new.json --working-distance 1500",),
     "export": (
-        "retrue export rig.json scene.jpg --pattern pattern.json --to colmap --out scene",
+        "retrue export rig.json wall.jpg --pattern pattern.json --to colmap --out scene",
         "retrue export rig.json --to ros --out retrue_description",
     ),
-    "warp": ("retrue warp rig.json facade.jpg --pattern pattern.json --picture film.png --out warped",),
+    "warp": ("retrue warp rig.json wall.jpg --pattern p.json --picture film.png --out warped",),
     "convert": ("retrue convert rig.json stereo.yml --to procam-calibration",),
     "simulate": ("retrue simulate clutter --rig rig.json --pattern pattern.json --out made",),
     "experiment": ("retrue experiment noise --out experiment-out",),

@@ -53,8 +53,8 @@ def words_of(kind: type) -> Words:
     """Of a command, its limits included.
 
     >>> from retrue.cli.commands import command_kind
-    >>> words_of(command_kind("verify")).choices
-    {'--lens': ['fixed', 'may-have-changed', 'refit']}
+    >>> words_of(command_kind("verify")).choices["--lens"]
+    ['fixed', 'may-have-changed', 'refit']
     """
     words = Words(["--help"], {}, [])
     first = True

@@ -8,10 +8,12 @@ from typing import Protocol
 from retrue.errors import InputError
 from retrue.geometry.arrays import FloatArray, Image, finite_array
 from retrue.ranges import check_ranges, ranged
+from retrue.shown import ShortRepr, Shown, counted
+from retrue.values import ByValue
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class Matches:
+@dataclass(frozen=True, slots=True, eq=False, repr=False)
+class Matches(ByValue, ShortRepr):
     """What a matcher found: N places, each in both photographs.
 
     Attributes
@@ -42,6 +44,9 @@ class Matches:
 
     def __len__(self) -> int:
         return len(self.left_px)
+
+    def _shown(self) -> Shown:
+        return counted(len(self), "place"), {}
 
 
 class Matcher(Protocol):

@@ -107,7 +107,7 @@ def _with_sigma(
     sigma = known.along_rays(cloud.points)
     card = {
         **cloud.card,
-        "sigma": float(np.nanmedian(sigma)),
+        "sigma": float(np.nanmedian(sigma)) if np.isfinite(sigma).any() else None,
         "common_sigma": common_sigma(known.select(few), cloud.points[few]),
         "taken_for_exact": list(unstated(rig)),
     }

@@ -166,7 +166,12 @@ def shows_another_code(pattern: GrayCode | FrameSequence, images: Sequence[Image
 
 def _made(layout: str, size: tuple[int, int], count: int, code: Code) -> list[FrameSequence]:
     """A layout's sequence, of both axes or one, where it has so many pictures and shows that code."""
-    made = [layout_sequence(layout, size), *(layout_sequence(layout, size, [axis]) for axis in AXES)]
+    made: list[FrameSequence] = []
+    for axes in (None, *((axis,) for axis in AXES)):
+        try:
+            made.append(layout_sequence(layout, size, axes))
+        except InputError:  # too fine for so small a projector
+            continue
     return [own for own in made if own.picture_count == count and any(f.code == code for f in own.frames)]
 
 
