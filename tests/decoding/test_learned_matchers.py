@@ -123,5 +123,5 @@ def test_names_and_what_is_missing(monkeypatch: pytest.MonkeyPatch) -> None:
     matcher: Matcher | None = named_matcher("loftr")
     assert matcher is not None
     monkeypatch.setitem(sys.modules, "torch", None)
-    with pytest.raises(InputError, match=r"pip install 'retrue\[matchers\]'"):
+    with pytest.raises(InputError, match=r"pip install '\.\[matchers\]'"):
         matcher.match(*shifted_pair())

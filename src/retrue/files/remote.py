@@ -77,7 +77,7 @@ def _store(address: str) -> tuple[Any, str]:
     try:
         core: Any = import_module("fsspec.core")
     except ImportError as error:
-        raise InputError("expected fsspec, found none; pip install 'retrue[remote]'") from error
+        raise InputError("expected fsspec, found none; pip install '.[remote]'") from error
     return core.url_to_fs(address)
 
 

@@ -69,7 +69,7 @@ def require_libraries() -> None:
     """An `InputError` where what aligns is not installed."""
     for name in ("kiss_matcher", "small_gicp"):
         if find_spec(name) is None:
-            raise InputError(f'merge: expected the library {name}, found none; pip install "retrue[merge]"')
+            raise InputError(f'merge: expected the library {name}, found none; pip install ".[merge]"')
 
 
 def coarse_pose(first: View, second: View, cell: float) -> RigidTransform:

@@ -80,7 +80,7 @@ def make_surface(points: FloatArray, normals: FloatArray, sigma: FloatArray, rea
 def require_meshing() -> None:
     """An `InputError` where what meshes is not installed."""
     if find_spec("skimage") is None:
-        raise InputError('merge --mesh: expected the library scikit-image, found none; pip install "retrue[merge]"')
+        raise InputError('merge --mesh: expected the library scikit-image, found none; pip install ".[merge]"')
 
 
 def surface_mesh(surface: Surface, cell: float) -> tuple[FloatArray, IntArray]:

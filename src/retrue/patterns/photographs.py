@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from typing import Protocol
 
 from retrue.errors import InputError
-from retrue.geometry.arrays import FloatArray, Image, finite_array
+from retrue.geometry.arrays import FloatArray, Image, finite_array, frozen_array
 from retrue.ranges import check_ranges, ranged
 from retrue.shown import ShortRepr, Shown, counted
 from retrue.values import ByValue
@@ -40,7 +40,7 @@ class Matches(ByValue, ShortRepr):
                 array = finite_array(value, (None, *row), name)
                 if len(array) != count:
                     raise InputError(f"{name}: expected {count} rows as in left_px, found {len(array)}")
-                object.__setattr__(self, name, array)
+                object.__setattr__(self, name, frozen_array(array))
 
     def __len__(self) -> int:
         return len(self.left_px)

@@ -72,7 +72,7 @@ def require_certificate(path: str | Path) -> None:
     if Path(path).suffix.lower() != ".pdf":
         raise FileError(path, f"expected a certificate that ends in .pdf, found {Path(path).suffix or 'no ending'}")
     if find_spec("reportlab") is None:
-        raise InputError('certificate: expected the library reportlab, found none; pip install "retrue[certificate]"')
+        raise InputError('certificate: expected the library reportlab, found none; pip install ".[certificate]"')
 
 
 def certificate_pdf(answer: Acceptance, particulars: Particulars, photographs: Mapping[str, Image | None]) -> bytes:

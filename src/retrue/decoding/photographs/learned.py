@@ -1,6 +1,6 @@
 """Matchers that were learned, by kornia: where light, season or view changed more than gradients bear.
 
-They need `pip install "retrue[matchers]"`, and fetch their weights at the first use. What they find is aligned like any
+They need `pip install ".[matchers]"`, and fetch their weights at the first use. What they find is aligned like any
 other match; where it cannot be, it is kept at the matcher's own sigma.
 
 Sources: Sun et al., "LoFTR: detector-free local feature matching with transformers", 2021; Lindenberger et al.,
@@ -80,7 +80,7 @@ def _libraries() -> tuple[Any, Any]:
         return import_module("torch"), import_module("kornia.feature")
     except ImportError as error:
         raise InputError(
-            f"matcher: expected kornia and torch, found none ({error}): pip install 'retrue[matchers]'"
+            f"matcher: expected kornia and torch, found none ({error}): pip install '.[matchers]'"
         ) from error
 
 

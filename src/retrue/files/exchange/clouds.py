@@ -2,7 +2,7 @@
 
 PCD   version 0.7 of the Point Cloud Library, binary: x y z, packed rgb, normals, sigma; the rig's unit, in a comment
 XYZ   text, a point a line: x y z red green blue; the rig's unit, which the format cannot name
-E57   ASTM E2807, one scan: metres, single precision, colours; needs pye57, `pip install "retrue[e57]"`
+E57   ASTM E2807, one scan: metres, single precision, colours; needs pye57, `pip install ".[e57]"`
 NPZ   NumPy's archive: every array of the cloud by its name, exact, and `unit`; the rig's unit
 """
 
@@ -132,4 +132,4 @@ def e57_bytes(cloud: Cloud) -> bytes:
 def require_e57() -> None:
     """An `InputError` where the library that writes E57 is not installed."""
     if find_spec("pye57") is None:
-        raise InputError('E57: expected the library pye57, found none; pip install "retrue[e57]"')
+        raise InputError('E57: expected the library pye57, found none; pip install ".[e57]"')

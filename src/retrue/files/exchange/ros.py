@@ -156,7 +156,7 @@ def write_bag(path: str | Path, rig: Rig, clouds: Sequence[Cloud], stamps_ns: Se
 def require_bag(path: Path) -> None:
     """What `write_bag` would refuse, before there is a cloud."""
     if find_spec("rosbags") is None:
-        raise InputError('bag: expected the library rosbags, found none; pip install "retrue[ros]"')
+        raise InputError('bag: expected the library rosbags, found none; pip install ".[ros]"')
     if path.exists():
         raise FileError(path, "expected a new name for the bag, found one that exists; move it away or choose another")
 
