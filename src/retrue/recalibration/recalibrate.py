@@ -9,7 +9,7 @@ import numpy as np
 
 from retrue.correspondences import Correspondences, require_captures
 from retrue.errors import DegenerateError, require_kind
-from retrue.geometry.arrays import FloatArray
+from retrue.geometry.arrays import FloatArray, finite_array
 from retrue.rasters import check_captures, picture_mirrored
 from retrue.recalibration.judge import Judgement, holds, judge, objection
 from retrue.recalibration.lens import LENS_PARAMETERS, changed_device
@@ -128,7 +128,12 @@ def _rig_covariance(joint: FloatArray, rig: Rig, options: RecalibrateOptions) ->
     whole = np.insert(np.insert(joint, 5, 0.0, axis=0), 5, 0.0, axis=1)
     if options.known_distance is None:
         before = rig.evidence.get("rig_covariance")
-        whole[5, 5] = float(rig.evidence.get("scale_sigma", 0.0)) ** 2 if before is None else float(before[5][5])
+        if before is None:
+            whole[5, 5] = (
+                float(finite_array(rig.evidence.get("scale_sigma", 0.0), (), "rig evidence, scale_sigma")) ** 2
+            )
+        else:
+            whole[5, 5] = finite_array(before, whole.shape, "rig evidence, rig_covariance")[5, 5]
     return whole
 
 
