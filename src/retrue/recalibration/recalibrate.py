@@ -129,9 +129,8 @@ def _rig_covariance(joint: FloatArray, rig: Rig, options: RecalibrateOptions) ->
     if options.known_distance is None:
         before = rig.evidence.get("rig_covariance")
         if before is None:
-            whole[5, 5] = (
-                float(finite_array(rig.evidence.get("scale_sigma", 0.0), (), "rig evidence, scale_sigma")) ** 2
-            )
+            scale = finite_array([rig.evidence.get("scale_sigma", 0.0)], (1,), "rig evidence, scale_sigma")
+            whole[5, 5] = scale[0] ** 2
         else:
             whole[5, 5] = finite_array(before, whole.shape, "rig evidence, rig_covariance")[5, 5]
     return whole
