@@ -69,8 +69,21 @@ def find_crossings(upright: Family, level: Family) -> Crossings:
 
 def link(at: FloatArray, axes: FloatArray) -> Crossings:
     """Crossings at (N, 2), each with the nearest ones along its axes (N, 2, 2); only mutual links stay."""
-    neighbour = np.stack([_next(at, sign * axes[:, axis]) for sign in (1, -1) for axis in (0, 1)], axis=-1)
+    one, other = _pairs(at)
+    neighbour = np.stack([_next(at, one, other, sign * axes[:, axis]) for sign in (1, -1) for axis in (0, 1)], axis=-1)
     return Crossings(at, axes, _mutual(neighbour))
+
+
+def _pairs(at: FloatArray) -> tuple[IntArray, IntArray]:
+    """All that may be neighbours, either way round: those in a square about it."""
+    order = np.argsort(at[:, 1], kind="stable")
+    rows = at[order, 1]
+    first = np.searchsorted(rows, at[:, 1] - FARTHEST)
+    count = np.searchsorted(rows, at[:, 1] + FARTHEST) - first
+    one = np.repeat(np.arange(len(at)), count)
+    other = order[np.arange(len(one)) + np.repeat(first + count - np.cumsum(count), count)]
+    near = np.abs(at[other, 0] - at[one, 0]) < FARTHEST * np.hypot(1, ASIDE)
+    return one[near], other[near]
 
 
 def _strong(family: Family) -> BoolArray:
@@ -78,20 +91,16 @@ def _strong(family: Family) -> BoolArray:
     return family.ridge & (family.height > FAINT * cv2.dilate(family.height, np.ones((side, side), np.uint8)))
 
 
-def _next(at: FloatArray, direction: FloatArray) -> IntArray:
-    """The nearest crossing in the direction (N, 2) from each one, or -1."""
+def _next(at: FloatArray, one: IntArray, other: IntArray, direction: FloatArray) -> IntArray:
+    """Of each crossing the nearest of its pairs in the direction (N, 2), or -1; of equally near ones the upper one."""
+    off, way = at[other] - at[one], direction[one]
+    ahead = (off * way).sum(axis=1)
+    aside = np.abs(off[:, 0] * way[:, 1] - off[:, 1] * way[:, 0])
+    there = (ahead > 1.5) & (ahead < FARTHEST) & (aside < np.maximum(ASIDE * ahead, 1.5))
+    one, other, ahead = (of[there][::-1] for of in (one, other, ahead))
+    farthest_first = np.argsort(-ahead, kind="stable")
     result = np.full(len(at), NONE)
-    order = np.argsort(at[:, 1], kind="stable")
-    ordered = at[order]
-    first = np.searchsorted(ordered[:, 1], at[:, 1] - FARTHEST)
-    last = np.searchsorted(ordered[:, 1], at[:, 1] + FARTHEST)
-    for k in range(len(at)):
-        off = ordered[first[k] : last[k]] - at[k]
-        ahead = off @ direction[k]
-        aside = np.abs(off[:, 0] * direction[k, 1] - off[:, 1] * direction[k, 0])
-        ahead[~((ahead > 1.5) & (aside < np.maximum(ASIDE * ahead, 1.5)))] = np.inf
-        if len(ahead) and ahead.min() < FARTHEST:
-            result[k] = order[first[k] + int(ahead.argmin())]
+    result[one[farthest_first]] = other[farthest_first]  # what is written last stays
     return result
 
 
