@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import product
 
 import numpy as np
 from numpy.typing import NDArray
@@ -73,15 +74,14 @@ def render(
     width, height = rig.camera.size
     light = np.zeros((height, width, 3))
     fractions = (np.arange(supersample) + 0.5) / supersample - 0.5
+    centres: list[Seen] = []
     for top in range(0, height, BAND):
         rows = np.arange(top, min(top + BAND, height))
-        for dy in fractions:
-            for dx in fractions:
-                light[rows] += look(rig, scene, pixel_grid(rows + dy, np.arange(width) + dx)).light(lamp)
-    centres = [
-        look(rig, scene, pixel_grid(np.arange(top, min(top + BAND, height)), np.arange(width)))
-        for top in range(0, height, BAND)
-    ]
+        centres.append(look(rig, scene, pixel_grid(rows, np.arange(width))))
+        for dy, dx in product(fractions, fractions):
+            central = dy == dx == 0
+            seen = centres[-1] if central else look(rig, scene, pixel_grid(rows + dy, np.arange(width) + dx))
+            light[rows] += seen.light(lamp)
     return Rendered(
         image=model.picture(light / supersample**2, seed),
         depth=np.concatenate([part.depth for part in centres]),
