@@ -92,6 +92,12 @@ def require_path(path: Any, call: str) -> Path:
     return Path(cast("Any", path))
 
 
+def in_brief(value: Any) -> str:
+    """`value` in a message: as Python writes it where that is short, else what kind of thing it is."""
+    text = repr(value)
+    return text if len(text) <= 60 and "\n" not in text else _found(value)
+
+
 def _names(kind: type | tuple[type, ...]) -> str:
     *others, last = [each.__name__ for each in (kind if isinstance(kind, tuple) else (kind,))]
     return f"{', '.join(others)} or {last}" if others else last

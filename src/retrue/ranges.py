@@ -11,11 +11,11 @@ class RecalibrateOptions:
 from __future__ import annotations
 
 from dataclasses import dataclass, field, fields
-from math import inf
+from math import inf, isfinite
 from numbers import Integral, Real
 from typing import TYPE_CHECKING, Any, TypeVar
 
-from retrue.errors import InputError
+from retrue.errors import InputError, in_brief
 
 if TYPE_CHECKING:
     from _typeshed import DataclassInstance
@@ -52,6 +52,8 @@ class Range:
         return (number > self.least or (number == self.least and not self.above)) and number <= self.most
 
     def __str__(self) -> str:
+        if self.least == -inf and self.most == inf:
+            return "a whole number" if self.whole else "a finite number"
         low = f"{self.least:.12g}"
         limits = {
             (False, False): f"{low} to {self.most:.12g}",
@@ -76,7 +78,23 @@ def check_ranges(options: DataclassInstance) -> None:
     for name, allowed in declared_ranges(type(options)).items():
         value: Any = getattr(options, name)
         if not (value in allowed or (value is None and _may_be_none(options, name))):
-            raise InputError(f"{name}: expected {allowed}, found {value!r}")
+            raise InputError(f"{name}: expected {allowed}, found {in_brief(value)}")
+
+
+def require_number(
+    value: Any, name: str, least: float = -inf, most: float = inf, *, above: bool = False, whole: bool = False
+) -> None:
+    """An `InputError` that names it, where `value` is no number, NaN, infinite or out of that range.
+
+    >>> try:
+    ...     require_number("75mm", "spacing", 0, above=True)
+    ... except InputError as error:
+    ...     print(error)
+    spacing: expected more than 0, found '75mm'
+    """
+    allowed = Range(least, most, above, whole)
+    if not (value in allowed and isfinite(value)):
+        raise InputError(f"{name}: expected {allowed}, found {in_brief(value)}")
 
 
 def declared_ranges(options: type[DataclassInstance]) -> dict[str, Range]:

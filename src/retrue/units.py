@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from retrue.errors import InputError
+from retrue.errors import InputError, require_kind
 
 UNITS = {"um": 1e-6, "mm": 1e-3, "cm": 1e-2, "m": 1.0, "in": 0.0254, "ft": 0.3048}
 """Metres in each unit that a length is given in."""
@@ -17,6 +17,7 @@ def metres_per(unit: str) -> float:
     >>> metres_per("mm"), metres_per(" Inch")
     (0.001, 0.0254)
     """
+    require_kind(unit, str, "unit")
     name = unit.strip().lower()
     if name not in METRES:
         raise InputError(

@@ -48,7 +48,7 @@ def test_specs(spec: str, kind: str, grid: tuple[int, int], spacing: float, unit
     ],
 )
 def test_bad_specs_say_what_is_expected(spec: str) -> None:
-    with pytest.raises(InputError, match="board: expected"):
+    with pytest.raises(InputError, match=r"^board: (columns: |spacing: )?expected"):
         parse_board(spec)
 
 

@@ -74,7 +74,7 @@ def test_other_pictures_are_no_line_grids():
         (lambda: Lines(TWO, (), 5, 8, 3), "one line or more"),
         (lambda: Lines(TWO, (0, 2), 5, 8, 3), "indices 0 .. 1"),
         (lambda: Lines(TWO, (0, 1), 5, 3, 3), "width < pitch"),
-        (lambda: Lines(TWO, (0, 1), 5, 8, float("nan")), "width < pitch"),
+        (lambda: Lines(TWO, (0, 1), 5, 8, float("nan")), "width: expected more than 0, found nan"),
         (lambda: LineGrid((100, 80)), "found neither"),
         (lambda: LineGrid((100, 80), Lines(TWO, (0, 1), 0, 8, 3)), "columns between"),
         (lambda: LineGrid((100, 80), rows=Lines(TWO, (0, 1), 75, 8, 3)), "rows between"),

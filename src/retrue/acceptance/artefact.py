@@ -6,7 +6,7 @@ import re
 from dataclasses import dataclass, replace
 from typing import Literal
 
-from retrue.errors import InputError
+from retrue.errors import InputError, require_kind
 from retrue.units import UNITS, metres_per
 
 ArtefactKind = Literal["sphere", "spheres", "plane"]
@@ -71,6 +71,7 @@ class Artefact:
 
 def parse_artefact(spec: str) -> Artefact:
     """The artefact that `KIND[:LENGTHunit[+-LENGTHunit]...]` describes; `InputError`, which says how to write one."""
+    require_kind(spec, str, "artefact")
     kind, *parts = spec.strip().split(":")
     wanted = {"sphere": 1, "spheres": 2, "plane": 0}
     if kind not in wanted or len(parts) != wanted[kind]:

@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import re
 from dataclasses import dataclass
-from typing import Literal, cast
+from typing import Literal, cast, get_args
 
 import numpy as np
 
-from retrue.errors import InputError
+from retrue.errors import InputError, in_brief, require_kind
 from retrue.geometry.arrays import FloatArray
+from retrue.ranges import require_number
 from retrue.units import UNITS
 
 BoardKind = Literal["chessboard", "charuco", "circles", "asymmetric-circles"]
@@ -47,10 +48,14 @@ class Board:
     dictionary: str = ""
 
     def __post_init__(self) -> None:
-        if not (3 <= self.columns <= 500 and 3 <= self.rows <= 500):
-            raise InputError(f"board: expected 3 to 500 columns and rows, found {self.columns}x{self.rows}")
-        if not (np.isfinite(self.spacing) and self.spacing > 0):
-            raise InputError(f"board: expected a positive length, found {self.spacing:g}")
+        if not isinstance(self.kind, str) or self.kind not in get_args(BoardKind):
+            raise InputError(f"board: expected one of {', '.join(get_args(BoardKind))}, found {in_brief(self.kind)}")
+        for count, name in ((self.columns, "columns"), (self.rows, "rows")):
+            require_number(count, f"board: {name}", 3, 500, whole=True)
+        require_number(self.spacing, "board: spacing", 0, above=True)
+        require_number(self.marker, "board: marker", 0)
+        if not isinstance(self.unit, str) or self.unit not in UNITS:
+            raise InputError(f"board: expected a unit, one of {', '.join(UNITS)}, found {in_brief(self.unit)}")
         if self.kind == "charuco" and not 0 < self.marker < self.spacing:
             raise InputError(f"board: expected a marker smaller than its square, found {self.marker:g}")
 
@@ -79,6 +84,7 @@ def parse_board(spec: str) -> Board:
     >>> parse_board("charuco:12x9:2cm:1.5cm:DICT_5X5_100").grid
     (11, 8)
     """
+    require_kind(spec, str, "board")
     kind, *parts = spec.strip().split(":")
     counts = re.fullmatch(r"(\d{1,4})x(\d{1,4})", parts[0] if parts else "")
     if kind not in ("chessboard", "charuco", "circles", "asymmetric-circles") or counts is None:

@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING, Any, cast, get_args, get_type_hints
 
 from retrue.devices.protocols import CameraDriver, ProjectorDriver
 from retrue.devices.setup import Setup, in_short
-from retrue.errors import DeviceError, FileError, InputError
-from retrue.rig import Rig
+from retrue.errors import DeviceError, FileError, InputError, require_kind
+from retrue.rig import Rig, require_rig
 
 if TYPE_CHECKING:
     from retrue.devices.simulated_rig import SimulatedRig
@@ -66,6 +66,9 @@ def make_rig(setup: Setup, rig: Rig | None = None) -> LiveRig:
     DeviceError
         the driver's package is not installed; names the extra.
     """
+    require_kind(setup, Setup, "setup", "retrue.parse_setup makes one of a file's text")
+    if rig is not None:
+        require_rig(rig)
     kinds = setup.camera["driver"], setup.projector["driver"]
     try:
         if kinds == ("simulated", "simulated"):

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, cast
 
-from retrue.errors import FileError
+from retrue.errors import FileError, require_kind, require_path
 from retrue.values import ByValue
 
 LONGEST_SAID = 120  # characters
@@ -51,7 +51,8 @@ def parse_setup(text: str, path: str | Path = "setup.toml") -> Setup:
     >>> dict(setup.camera), setup.rig
     ({'driver': 'opencv', 'device': 0}, None)
     """
-    path = Path(path)
+    path = require_path(path, "parse_setup(text, path)")
+    require_kind(text, str, "text")
     try:
         tables = tomllib.loads(text)
     except (tomllib.TOMLDecodeError, RecursionError) as error:

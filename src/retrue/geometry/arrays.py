@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from retrue.errors import InputError
+from retrue.errors import InputError, in_brief, require_kind
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
@@ -25,16 +25,22 @@ def finite_array(value: ArrayLike, shape: tuple[int | None, ...], name: str) -> 
     >>> finite_array([[1, 2]], (None, 2), "points").shape
     (1, 2)
     """
+    array = array_of(value, shape, name)
+    if not np.isfinite(array).all():
+        raise InputError(f"{name}: expected finite numbers, found NaN or infinity")
+    return array
+
+
+def array_of(value: ArrayLike, shape: tuple[int | None, ...], name: str) -> FloatArray:
+    """The same, where a number may be NaN: not known."""
     try:
         array = np.asarray(value, dtype=np.float64)
     except (TypeError, ValueError, OverflowError) as error:
-        raise InputError(f"{name}: expected numbers of shape {_shape(shape)}, found {error}") from error
+        raise InputError(f"{name}: expected numbers of shape {_shape(shape)}, found {in_brief(value)}") from error
     if array.ndim != len(shape) or any(
         want is not None and have != want for want, have in zip(shape, array.shape, strict=True)
     ):
         raise InputError(f"{name}: expected shape {_shape(shape)}, found {_shape(array.shape)}")
-    if not np.isfinite(array).all():
-        raise InputError(f"{name}: expected finite numbers, found NaN or infinity")
     return array
 
 
@@ -56,8 +62,29 @@ def whole_size(value: ArrayLike, name: str) -> tuple[int, int]:
     """
     size = finite_array(value, (2,), name)
     if not ((size >= 1).all() and (size == np.round(size)).all() and (size <= LARGEST_SIDE).all()):
-        raise InputError(f"{name}: expected width and height in whole pixels, found {value}")
+        raise InputError(f"{name}: expected width and height in whole pixels, found {in_brief(value)}")
     return int(size[0]), int(size[1])
+
+
+def whole_numbers(value: ArrayLike, shape: tuple[int | None, ...], name: str) -> IntArray:
+    """`value` as integers in an array of that shape (None: any length), or an `InputError` that names it.
+
+    >>> whole_numbers([[255.0, 0, 127]], (None, 3), "colors").tolist()
+    [[255, 0, 127]]
+    """
+    array = finite_array(value, shape, name)
+    if not ((array == np.round(array)) & (np.abs(array) < 2**53)).all():
+        raise InputError(f"{name}: expected whole numbers, found {in_brief(value)}")
+    return array.astype(np.int64)
+
+
+def require_picture(value: object, name: str) -> None:
+    """An `InputError` where `value` is no picture, as `retrue.read_image` reads one."""
+    require_kind(value, np.ndarray, name, "retrue.read_image reads one")
+    picture = np.asarray(value)
+    if not (picture.size and picture.dtype.name in ("uint8", "uint16") and picture.shape[2:] in ((), (3,))):
+        shape = " x ".join(map(str, picture.shape))
+        raise InputError(f"{name}: expected grey or RGB of uint8 or uint16, found {shape} of {picture.dtype}")
 
 
 def _shape(shape: tuple[int | None, ...]) -> str:

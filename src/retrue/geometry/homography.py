@@ -12,6 +12,7 @@ from numpy.typing import ArrayLike
 from retrue.errors import DegenerateError, InputError
 from retrue.geometry.arrays import FloatArray, finite_array
 from retrue.kernels import homography as kernel
+from retrue.ranges import require_number
 
 MINIMAL_POINTS = 4
 NONE = np.empty(0)  # no weights: equal ones; no start: the linear fit
@@ -57,6 +58,9 @@ def fit_homography(
     >>> (H / H[2, 2]).round(9).tolist()
     [[2.0, 0.1, 3.0], [0.3, 1.0, 1.0], [0.2, 0.1, 1.0]]
     """
+    for name, sigma in (("source_sigma", source_sigma), ("target_sigma", target_sigma)):
+        require_number(sigma, name, 0)
+    require_number(iterations, "iterations", 0, whole=True)
     if not (source_sigma >= 0 and target_sigma >= 0 and source_sigma + target_sigma > 0):
         raise InputError(f"sigma: expected two numbers >= 0, not both zero, found {source_sigma} and {target_sigma}")
     H = np.empty((3, 3))

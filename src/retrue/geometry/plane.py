@@ -9,6 +9,7 @@ from numpy.typing import ArrayLike
 
 from retrue.errors import InputError
 from retrue.geometry.arrays import FloatArray, finite_array, frozen_array
+from retrue.ranges import require_number
 from retrue.shown import ShortRepr, Shown, figures, vector
 from retrue.values import ByValue
 
@@ -34,10 +35,9 @@ class Plane(ByValue, ShortRepr):
     def __post_init__(self) -> None:
         normal = finite_array(self.normal, (3,), "plane normal")
         length = float(np.linalg.norm(normal))
-        if not (length > 0 and np.isfinite(self.distance) and self.distance > 0):
-            raise InputError(
-                f"plane: expected a non-zero normal and a positive distance, found {normal} and {self.distance}"
-            )
+        require_number(self.distance, "plane distance", 0, above=True)
+        if not length > 0:
+            raise InputError(f"plane: expected a non-zero normal, found {normal}")
         object.__setattr__(self, "normal", frozen_array(normal / length if abs(length - 1) > ROUNDING else normal))
         object.__setattr__(self, "distance", float(self.distance))
 

@@ -17,6 +17,7 @@ from retrue.geometry.arrays import BoolArray, FloatArray, finite_array
 from retrue.geometry.homography import MINIMAL_POINTS
 from retrue.geometry.robust import MEDIAN_DISTANCE, quantile
 from retrue.kernels import robust_homography as kernel
+from retrue.ranges import require_number
 from retrue.shown import ShortRepr, Shown, figures, vector
 from retrue.values import ByValue
 
@@ -89,8 +90,9 @@ def fit_homography_robust(
     target = finite_array(target, (len(source), 2), "target points")
     if len(source) < 2 * MINIMAL_POINTS:
         raise InputError(f"robust homography: expected at least eight points, found {len(source)}")
-    if noise is not None and not (np.isfinite(noise) and noise > 0):
-        raise InputError(f"robust homography: expected a positive noise, found {noise}")
+    if noise is not None:
+        require_number(noise, "robust homography: noise", 0, above=True)
+    require_number(seed, "seed", 0, whole=True)
     rng = np.random.default_rng(seed)
     fewest = max(MINIMAL_POINTS + 1, len(source) // 4)
     spread = float(target.std(axis=0).max())

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from retrue.errors import require_kind
-from retrue.geometry.arrays import FloatArray
+from retrue.geometry.arrays import FloatArray, array_of
 from retrue.geometry.transform import RigidTransform, skew
 from retrue.kernels import triangulation as kernel
 
@@ -55,8 +55,12 @@ def triangulate(
     """
     require_kind(projector_from_camera, RigidTransform, "projector_from_camera")
     R, t = projector_from_camera.R, projector_from_camera.t
-    x, y = (np.ascontiguousarray(rays, dtype=np.float64) for rays in (camera_rays, projector_rays))
-    vx, vy = (np.array(np.square(sigma), dtype=np.float64, ndmin=1) for sigma in (camera_sigma, projector_sigma))
+    x = np.ascontiguousarray(array_of(camera_rays, (None, 2), "camera_rays"))
+    y = np.ascontiguousarray(array_of(projector_rays, (len(x), 2), "projector_rays"))
+    vx, vy = (
+        np.square(array_of(np.atleast_1d(sigma), (1 if np.ndim(sigma) == 0 else len(x),), name))
+        for sigma, name in ((camera_sigma, "camera_sigma"), (projector_sigma, "projector_sigma"))
+    )
     points = np.empty((len(x), 3))
     R, t, E = (np.ascontiguousarray(part) for part in (R, t, skew(t) @ R))
     kernel.triangulate(R, t, E, x, y, vx, vy, SMALLEST_PARALLAX, points)

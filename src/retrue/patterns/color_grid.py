@@ -7,9 +7,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from retrue.errors import InputError
-from retrue.geometry.arrays import FloatArray
+from retrue.errors import InputError, in_brief
+from retrue.geometry.arrays import FloatArray, finite_array, whole_numbers, whole_size
 from retrue.patterns.color_grid_code import make_code
+from retrue.ranges import require_number
 from retrue.shown import ShortRepr, Shown
 
 PAPER_COLORS = (
@@ -51,17 +52,21 @@ class ColorGrid(ShortRepr):
     distance: int | None = None
 
     def __post_init__(self) -> None:
-        colors = tuple((int(r), int(g), int(b)) for r, g, b in self.colors)
-        code = tuple(tuple(int(k) for k in row) for row in self.code)
+        colors = whole_colors(self.colors, "colors")
+        try:
+            code = tuple(tuple(int(k) for k in row) for row in self.code)
+        except (TypeError, ValueError, OverflowError) as error:
+            raise InputError(f"code: expected rows of indices into the colours, found {in_brief(self.code)}") from error
         if not (len(code) >= 1 and len({len(row) for row in code}) == 1 and len(code[0]) >= 1):
             raise InputError("color grid: expected a code of rows of equal length")
         if not all(0 <= k < len(colors) for row in code for k in row):
             raise InputError(f"color grid: expected indices 0 .. {len(colors) - 1} in the code, one for each colour")
+        for name in ("pitch", "block"):
+            require_number(getattr(self, name), name, 0, above=True)
         if not 0 < self.block <= self.pitch:
             raise InputError(f"color grid: expected 0 < block <= pitch, found {self.block:g} and {self.pitch:g}")
-        width, height = self.projector_size
-        x, y = self.origin
-        object.__setattr__(self, "projector_size", (int(width), int(height)))
+        x, y = finite_array(self.origin, (2,), "origin")
+        object.__setattr__(self, "projector_size", whole_size(self.projector_size, "projector_size"))
         object.__setattr__(self, "colors", colors)
         object.__setattr__(self, "origin", (float(x), float(y)))
         object.__setattr__(self, "code", code)
@@ -127,6 +132,14 @@ def grid_for_camera(projector_size: tuple[int, int], magnification: float) -> Co
     return make_color_grid(projector_size, rows, columns, pitch=pitch, block=block)
 
 
+def whole_colors(value: object, name: str) -> tuple[tuple[int, int, int], ...]:
+    """Rows of red, green and blue, 0 .. 255, as a pattern keeps them; an `InputError` that names them otherwise."""
+    colors = whole_numbers(value, (None, 3), name)
+    if not ((colors >= 0) & (colors <= 255)).all():
+        raise InputError(f"{name}: expected red, green and blue of 0 to 255, found {in_brief(value)}")
+    return tuple((red, green, blue) for red, green, blue in colors.tolist())
+
+
 def make_color_grid(
     projector_size: tuple[int, int] = (1024, 768),
     rows: int = 40,
@@ -158,7 +171,13 @@ def make_color_grid(
     InputError
         where the grid does not fit the projector, or so many unique windows cannot be had of these colours.
     """
-    width, height = projector_size
+    width, height = projector_size = whole_size(projector_size, "projector_size")
+    for name, number, least in (("rows", rows, 1), ("columns", columns, 1), ("window", window, 1), ("seed", seed, 0)):
+        require_number(number, name, least, whole=True)
+    for name, number in (("pitch", pitch), ("block", block), ("gap", gap)):
+        if number is not None:
+            require_number(number, name, 0, whole=True)
+    colors = whole_colors(colors, "colors")
     if not (min(rows, columns) >= window and window == 3):
         raise InputError(f"color grid: expected windows of 3 x 3 in 3 x 3 blocks or more, found {rows} x {columns}")
     if len(colors) < 3 or len(set(colors)) != len(colors):

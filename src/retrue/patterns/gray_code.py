@@ -9,6 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from retrue.errors import InputError
+from retrue.geometry.arrays import whole_numbers
+from retrue.ranges import require_number
 
 MAX_PROJECTOR_SIDE = 16384
 MAX_BITS = 14
@@ -43,11 +45,13 @@ class GrayCode:
     offset: tuple[int, int] = (0, 0)
 
     def __post_init__(self) -> None:
-        width, height = self.projector_size
+        width, height = whole_numbers(self.projector_size, (2,), "projector_size").tolist()
         if not (1 <= width <= MAX_PROJECTOR_SIDE and 1 <= height <= MAX_PROJECTOR_SIDE):
             raise InputError(
                 f"projector_size: expected sides of 1 to {MAX_PROJECTOR_SIDE} pixels, found {width} x {height}"
             )
+        require_number(self.step, "step", whole=True)
+        whole_numbers(self.offset, (2,), "offset")
         if not 1 <= self.step <= min(width, height):
             raise InputError(f"step: expected 1 to {min(width, height)} projector pixels, found {self.step}")
         if not all(0 <= first < MAX_PROJECTOR_SIDE for first in self.offset):

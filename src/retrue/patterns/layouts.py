@@ -11,9 +11,11 @@ from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from typing import Literal, cast
 
-from retrue.errors import InputError
+from retrue.errors import InputError, in_brief, require_kinds
+from retrue.geometry.arrays import whole_size
 from retrue.patterns.gray_code import GrayCode
 from retrue.patterns.sequence import AXES, Frame, FrameSequence
+from retrue.ranges import require_number
 
 Size = tuple[int, int]
 Axis = Literal["column", "row"]
@@ -47,8 +49,12 @@ def layout_sequence(
     >>> layout_sequence("slstudio-2x3", (1824, 1140), ["column"]).names[5]
     'column sine of 1824 px, shifted by 0.667'
     """
-    if name not in LAYOUTS:
-        raise InputError(f"layout: expected one of {', '.join(LAYOUTS)}, found {name!r}")
+    if not isinstance(name, str) or name not in LAYOUTS:
+        raise InputError(f"layout: expected one of {', '.join(LAYOUTS)}, found {in_brief(name)}")
+    projector_size = whole_size(projector_size, "projector_size")
+    require_number(step_px, "step_px", 1, whole=True)
+    if axes is not None:
+        require_kinds(axes, str, "axes")
     layout = LAYOUTS[name]
     if axes is not None and not (axes and len(set(axes)) == len(axes) and set(axes) <= set(AXES)):
         raise InputError(f'axes: expected "column", "row" or both, found {list(axes)}')

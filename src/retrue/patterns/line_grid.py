@@ -7,8 +7,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from retrue.errors import InputError
-from retrue.geometry.arrays import FloatArray
+from retrue.errors import InputError, require_kind
+from retrue.geometry.arrays import FloatArray, whole_numbers, whole_size
+from retrue.patterns.color_grid import whole_colors
+from retrue.ranges import require_number
 from retrue.shown import ShortRepr, Shown
 
 COLUMN_COLORS = ((255, 0, 191), (255, 191, 0), (0, 64, 255), (0, 255, 128))
@@ -39,8 +41,11 @@ class Lines(ShortRepr):
     width: float
 
     def __post_init__(self) -> None:
-        colors = tuple((int(r), int(g), int(b)) for r, g, b in self.colors)
-        sequence = tuple(int(k) for k in self.sequence)
+        colors = whole_colors(self.colors, "colors")
+        sequence = tuple(whole_numbers(self.sequence, (None,), "sequence").tolist())
+        require_number(self.origin, "origin")
+        for name in ("pitch", "width"):
+            require_number(getattr(self, name), name, 0, above=True)
         if not sequence:
             raise InputError("line grid: expected a sequence of one line or more, found none")
         if not all(0 <= k < len(colors) for k in sequence):
@@ -84,13 +89,14 @@ class LineGrid(ShortRepr):
     rows: Lines | None = None
 
     def __post_init__(self) -> None:
-        width, height = self.projector_size
-        object.__setattr__(self, "projector_size", (int(width), int(height)))
+        width, height = size = whole_size(self.projector_size, "projector_size")
+        object.__setattr__(self, "projector_size", size)
         if self.columns is None and self.rows is None:
             raise InputError("line grid: expected columns, rows or both, found neither")
         for name, lines, side in (("columns", self.columns, width), ("rows", self.rows, height)):
             if lines is None:
                 continue
+            require_kind(lines, Lines, name)
             first, last = lines.middles()[[0, -1]] + np.array([-0.5, 0.5]) * lines.width
             if not (first >= -0.5 and last <= side - 0.5):
                 raise InputError(
@@ -142,6 +148,7 @@ def make_line_grid(projector_size: tuple[int, int] = (800, 600)) -> LineGrid:
     >>> len(grid.columns.sequence), grid.columns.pitch, grid.rows.pitch, grid.rows.width
     (66, 15.0, 11.0, 3.0)
     """
+    projector_size = whole_size(projector_size, "projector_size")
     sequence = de_bruijn(len(COLUMN_COLORS), WINDOW)
     families: list[Lines] = []
     for colors, side, name in zip((COLUMN_COLORS, ROW_COLORS), projector_size, ("width", "height"), strict=True):

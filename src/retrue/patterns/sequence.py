@@ -10,8 +10,10 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from retrue.errors import InputError
+from retrue.errors import InputError, in_brief, require_kinds
+from retrue.geometry.arrays import whole_numbers
 from retrue.patterns.gray_code import MAX_BITS, MAX_PROJECTOR_SIDE
+from retrue.ranges import require_number
 from retrue.shown import ShortRepr, Shown
 
 AXES: tuple[Literal["column"], Literal["row"]] = ("column", "row")
@@ -55,24 +57,20 @@ class Frame:
     offset_px: float = 0
 
     def __post_init__(self) -> None:
-        if self.code not in ("gray", "phase", "white", "black", "ignore"):
-            raise InputError(f'code: expected "gray", "phase", "white", "black" or "ignore", found {self.code!r}')
+        if not isinstance(self.code, str) or self.code not in ("gray", "phase", "white", "black", "ignore"):
+            expected = '"gray", "phase", "white", "black" or "ignore"'
+            raise InputError(f"code: expected {expected}, found {in_brief(self.code)}")
         if self.code not in ("gray", "phase"):
             return
-        if self.axis not in AXES:
-            raise InputError(f'axis: expected "column" or "row", found {self.axis!r}')
-        if not -MAX_PROJECTOR_SIDE <= self.offset_px <= MAX_PROJECTOR_SIDE:
-            raise InputError(f"offset_px: expected at most {MAX_PROJECTOR_SIDE} pixels, found {self.offset_px}")
+        if not isinstance(self.axis, str) or self.axis not in AXES:
+            raise InputError(f'axis: expected "column" or "row", found {in_brief(self.axis)}')
+        require_number(self.offset_px, "offset_px", -MAX_PROJECTOR_SIDE, MAX_PROJECTOR_SIDE)
         if self.code == "gray":
-            if self.bit is None or not 0 <= self.bit < MAX_BITS:
-                raise InputError(f"bit: expected 0 to {MAX_BITS - 1}, found {self.bit}")
-            if not 1 <= self.step_px <= MAX_PROJECTOR_SIDE:
-                raise InputError(f"step_px: expected 1 to {MAX_PROJECTOR_SIDE}, found {self.step_px}")
+            require_number(self.bit, "bit", 0, MAX_BITS - 1, whole=True)
+            require_number(self.step_px, "step_px", 1, MAX_PROJECTOR_SIDE, whole=True)
         else:
-            if self.period_px is None or not 2 <= self.period_px <= 64 * MAX_PROJECTOR_SIDE:
-                raise InputError(f"period_px: expected at least 2 projector pixels, found {self.period_px}")
-            if self.shift is None or not -MOST_FRAMES <= self.shift <= MOST_FRAMES:
-                raise InputError(f"shift: expected turns, found {self.shift}")
+            require_number(self.period_px, "period_px", 2, 64 * MAX_PROJECTOR_SIDE)
+            require_number(self.shift, "shift", -MOST_FRAMES, MOST_FRAMES)
 
     @property
     def name(self) -> str:
@@ -164,7 +162,10 @@ class FrameSequence(ShortRepr):
         return f"{width} x {height} px, {len(self.frames)} pictures: {codes}{named}", {}
 
     def __post_init__(self) -> None:
-        width, height = self.projector_size
+        width, height = whole_numbers(self.projector_size, (2,), "projector_size").tolist()
+        require_kinds(self.frames, Frame, "frames")
+        if self.files is not None:
+            require_kinds(self.files, str, "files")
         if not (1 <= width <= MAX_PROJECTOR_SIDE and 1 <= height <= MAX_PROJECTOR_SIDE):
             raise InputError(
                 f"projector_size: expected sides of 1 to {MAX_PROJECTOR_SIDE} pixels, found {width} x {height}"

@@ -3,11 +3,10 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from math import inf
 from typing import TYPE_CHECKING, Literal
 
 from retrue.errors import InputError
-from retrue.ranges import check_ranges, ranged
+from retrue.ranges import check_ranges, ranged, require_number
 from retrue.values import ByValue
 
 if TYPE_CHECKING:  # so that the command line's help loads no NumPy
@@ -36,8 +35,7 @@ class KnownDistance(ByValue):
         for name in ("first_px", "second_px"):
             pixel = finite_array(getattr(self, name), (2,), f"known distance, {name}")
             object.__setattr__(self, name, frozen_array(pixel))
-        if not 0 < self.length < inf:
-            raise InputError(f"known distance: expected a positive length, found {self.length}")
+        require_number(self.length, "known distance: length", 0, above=True)
 
 
 @dataclass(frozen=True, slots=True)

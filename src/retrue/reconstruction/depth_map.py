@@ -6,7 +6,7 @@ from itertools import pairwise
 
 import numpy as np
 
-from retrue.errors import DegenerateError
+from retrue.errors import DegenerateError, require_kind
 from retrue.geometry.arrays import FloatArray, IntArray
 from retrue.geometry.camera import Camera
 from retrue.reconstruction.cloud import Cloud, require_cloud
@@ -39,6 +39,7 @@ def depth_map(cloud: Cloud, camera: Camera) -> FloatArray:
     array([nan, 10., 10., 10., nan])
     """
     require_cloud(cloud)
+    require_kind(camera, Camera, "camera", "retrue.read_device reads one")
     faces = surface_faces(cloud)
     if not len(faces):
         raise DegenerateError(f"depth map: no three of {len(cloud)} points are neighbours on one surface")

@@ -7,8 +7,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from retrue.errors import InputError
-from retrue.geometry.arrays import FloatArray
+from retrue.geometry.arrays import FloatArray, finite_array
+from retrue.ranges import require_number
 from retrue.reconstruction.uncertainty import Uncertainty
 from retrue.rig import Rig, require_rig
 
@@ -62,12 +62,11 @@ def error_by_distance(
     [(0.55, 0.55), (2.22, 1.11)]
     """
     require_rig(rig)
-    if not noise_px > 0:
-        raise InputError(f"noise: expected more than 0 px, found {noise_px:g}")
-    for distance in distances or ():
-        if not 0 < distance < np.inf:
-            raise InputError(f"distance: expected more than 0, found {distance:g}")
-    return tuple(_at(rig, float(distance), noise_px) for distance in (distances or usual_distances(rig)))
+    require_number(noise_px, "noise_px", 0, above=True)
+    asked: list[float] = finite_array(() if distances is None else distances, (None,), "distances").tolist()
+    for distance in asked:
+        require_number(distance, "distances", 0, above=True)
+    return tuple(_at(rig, distance, noise_px) for distance in (asked or usual_distances(rig)))
 
 
 def usual_distances(rig: Rig) -> list[float]:

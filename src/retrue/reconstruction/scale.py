@@ -10,6 +10,7 @@ from numpy.typing import ArrayLike
 
 from retrue.errors import DegenerateError, InputError, require_kind
 from retrue.geometry.arrays import BoolArray, FloatArray, IntArray, finite_array
+from retrue.ranges import require_number
 from retrue.reconstruction.cloud import Cloud, require_cloud
 from retrue.reconstruction.uncertainty import rig_covariance
 from retrue.rig import Rig, require_rig
@@ -239,9 +240,9 @@ def _by_distance(cloud: Cloud, pixel: ArrayLike) -> IntArray:
 
 
 def _require_length(length: float, sigma: float) -> None:
-    if not 0 < length < np.inf:
-        raise InputError(f"scale: expected a length of more than 0, found {length:g}")
-    if not 0 <= sigma < length:
+    require_number(length, "scale: length", 0, above=True)
+    require_number(sigma, "scale: sigma", 0)
+    if not sigma < length:
         raise InputError(f"scale: expected a sigma from 0 to the length, found {sigma:g}")
 
 

@@ -6,8 +6,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from retrue.errors import DegenerateError, InputError
-from retrue.geometry.arrays import BoolArray, FloatArray
+from retrue.errors import DegenerateError, InputError, require_kind
+from retrue.geometry.arrays import BoolArray, FloatArray, finite_array
 from retrue.geometry.camera import Camera
 from retrue.geometry.transform import RigidTransform
 from retrue.reconstruction.cloud import Cloud, require_cloud
@@ -70,8 +70,13 @@ def warp(
     """
     require_rig(rig)
     require_cloud(cloud)
-    if not (picture_size[0] > 0 and picture_size[1] > 0):
+    sides = finite_array(picture_size, (2,), "picture_size")
+    if not (sides > 0).all():
         raise InputError(f"picture_size: expected positive numbers, found {picture_size}")
+    if view is not None:
+        require_kind(view, Camera, "view", "retrue.read_device reads one")
+    if view_from_camera is not None:
+        require_kind(view_from_camera, RigidTransform, "view_from_camera")
     view = replace(rig.camera, distortion=()) if view is None else replace(view, distortion=())
     view_from_camera = RigidTransform.identity() if view_from_camera is None else view_from_camera
     faces = surface_faces(cloud)
@@ -80,7 +85,7 @@ def warp(
     if rectangle is None:
         seen = draw_faces(view_from_camera.apply(cloud.points), faces, view) > 0
         rectangle = _largest_rectangle(seen, picture_size[0] / picture_size[1])
-    left, top, width, height = rectangle
+    left, top, width, height = finite_array(rectangle, (4,), "rectangle").tolist()
     if not (width > 0 and height > 0):
         raise InputError(f"rectangle: expected a positive width and height, found {width:g} x {height:g}")
     depth = draw_faces(rig.projector_from_camera.apply(cloud.points), faces, rig.projector)

@@ -11,15 +11,15 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from retrue.correspondences import Correspondences
-from retrue.errors import InputError
-from retrue.geometry.arrays import FloatArray, Image
+from retrue.correspondences import Correspondences, require_points
+from retrue.errors import InputError, in_brief
+from retrue.geometry.arrays import FloatArray, Image, require_picture
 from retrue.geometry.camera import Camera
 from retrue.geometry.transform import RigidTransform
-from retrue.reconstruction.cloud import Cloud
+from retrue.reconstruction.cloud import Cloud, require_cloud
 from retrue.report.figures import every
 from retrue.report.scene import FRUSTUM_SHARE
-from retrue.rig import Rig
+from retrue.rig import Rig, require_rig
 from retrue.rig_difference import RigDifference
 
 if TYPE_CHECKING:
@@ -35,6 +35,14 @@ def residual_picture(image: Image, points: Correspondences, residuals: Sequence[
     All share one scale, from 0.03 px to 30 px in powers of ten, so that before and after can be compared by eye.
     Raises `InputError` where matplotlib is not installed.
     """
+    require_picture(image, "image")
+    require_points(points)
+    if isinstance(residuals, str) or not isinstance(residuals, Sequence) or not residuals:
+        raise InputError(f"residuals: expected a list of (title, residuals), found {in_brief(residuals)}")
+    for entry in residuals:
+        if not (isinstance(entry, tuple) and len(entry) == 2 and np.shape(entry[1]) == (len(points),)):
+            raise InputError(f"residuals: expected (title, {len(points)} residuals) each, found {in_brief(entry)}")
+    require_matplotlib("pictures")
     from matplotlib.colors import LogNorm
 
     figure = blank_figure(6.4 * len(residuals), 5.2)
@@ -58,6 +66,8 @@ def cloud_picture(cloud: Cloud, rig: Rig) -> bytes:
 
     Raises `InputError` where matplotlib is not installed.
     """
+    require_cloud(cloud)
+    require_rig(rig)
     figure = blank_figure(12.0, 5.2)
     rows = every(len(cloud), MOST_SCATTERED)
     X, colors = cloud.points[rows], cloud.colors[rows] / 255

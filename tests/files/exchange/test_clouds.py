@@ -86,7 +86,7 @@ def test_arrays_of_other_libraries_become_a_cloud_and_go_back():
         (([[0, 0]],), "points: expected shape N x 3"),
         (([[0, 0, np.nan]],), "points: expected finite numbers"),
         (([[0, 0, 1]], [[1, 2]]), "colors: expected 1 rows of three or more, found 1 x 2"),
-        (([[0, 0, 1]], None, [[0, 1]]), "normals: expected 1 rows of three, found 1 x 2"),
+        (([[0, 0, 1]], None, [[0, 1]]), "normals: expected shape 1 x 3, found 1 x 2"),
     ],
 )
 def test_arrays_that_are_no_cloud_are_refused(arrays, said):

@@ -17,8 +17,8 @@ from typing import Any, cast
 import numpy as np
 from numpy.typing import ArrayLike
 
-from retrue.errors import InputError
-from retrue.geometry.arrays import FloatArray, finite_array
+from retrue.errors import InputError, in_brief, require_kind
+from retrue.geometry.arrays import FloatArray, array_of, finite_array
 from retrue.reconstruction.cloud import Cloud
 from retrue.units import metres_per
 
@@ -50,15 +50,16 @@ def make_cloud(
     columns = np.asarray(colors if colors is not None else [])
     if not columns.size:
         columns = np.full((len(places), 3), GREY, np.uint8)
+    if columns.dtype.kind not in "fiub":
+        raise InputError(f"colors: expected numbers, found {in_brief(colors)}")
     if columns.ndim != 2 or len(columns) != len(places) or columns.shape[1] < 3:
         raise InputError(
             f"colors: expected {len(places)} rows of three or more, found {' x '.join(map(str, columns.shape))}"
         )
     if columns.dtype.kind == "f":
         columns = np.round(np.clip(np.nan_to_num(columns), 0, 1) * 255)
-    known = None if normals is None or not len(np.asarray(normals)) else np.asarray(normals, dtype=np.float64)
-    if known is not None and known.shape != places.shape:
-        raise InputError(f"normals: expected {len(places)} rows of three, found {' x '.join(map(str, known.shape))}")
+    known = None if normals is None or not np.size(normals) else array_of(normals, places.shape, "normals")
+    require_kind(unit, str, "unit")
     return Cloud(places, columns[:, :3].astype(np.uint8), np.full((len(places), 2), np.nan), unit, normals=known)
 
 

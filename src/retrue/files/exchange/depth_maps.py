@@ -16,10 +16,11 @@ from typing import Any
 
 import numpy as np
 
-from retrue.errors import FileError, InputError, require_path
+from retrue.errors import FileError, InputError, require_kind, require_path
 from retrue.files.atomic import replaced_file
 from retrue.geometry.arrays import FloatArray
 from retrue.geometry.camera import Camera
+from retrue.ranges import require_number
 from retrue.units import metres_per
 
 ENDINGS = (".png", ".tif", ".tiff")
@@ -50,6 +51,9 @@ def write_depth_map(
 
     path = require_path(path, "write_depth_map(path, depth, camera, unit)")
     require_depth_ending(path, unit)
+    require_kind(depth, np.ndarray, "depth", "retrue.depth_map makes one")
+    require_kind(camera, Camera, "camera", "retrue.read_device reads one")
+    require_number(depth_scale, "depth_scale", 0, above=True)
     if depth.shape != camera.size[::-1]:
         raise InputError(
             f"depth: expected shape {camera.size[1]} x {camera.size[0]}, found {' x '.join(map(str, depth.shape))}"

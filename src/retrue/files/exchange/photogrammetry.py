@@ -15,15 +15,15 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from retrue.errors import FileError, InputError
+from retrue.errors import FileError, InputError, require_kinds, require_path
 from retrue.files.atomic import replaced_file
 from retrue.files.exchange.depth_maps import DEPTH_SCALE, write_depth_map
 from retrue.files.images import write_png
-from retrue.geometry.arrays import FloatArray, Image
+from retrue.geometry.arrays import FloatArray, Image, require_picture
 from retrue.geometry.camera import Camera
 from retrue.geometry.transform import RigidTransform
-from retrue.reconstruction.cloud import Cloud
-from retrue.rig import Rig
+from retrue.reconstruction.cloud import Cloud, require_cloud
+from retrue.rig import Rig, require_rig
 from retrue.units import metres_per
 
 HALF = 0.5
@@ -56,6 +56,11 @@ def rig_views(
     rig: Rig, cloud: Cloud, photograph: Image | None, shown: Image | None, depth: FloatArray | None = None
 ) -> tuple[View, View]:
     """The camera, with its photograph; and the projector, a camera run backwards, with what it showed."""
+    require_rig(rig)
+    require_cloud(cloud)
+    for name, picture in (("photograph", photograph), ("shown", shown)):
+        if picture is not None:
+            require_picture(picture, name)
     projector_px = rig.projector.project(rig.projector_from_camera.apply(cloud.points))
     camera = View("camera", rig.camera, RigidTransform.identity(), cloud.camera_px, photograph, depth)
     return camera, View("projector", rig.projector, rig.projector_from_camera, projector_px, shown)
@@ -70,8 +75,10 @@ def write_colmap(folder: str | Path, cloud: Cloud, views: Sequence[View]) -> Non
     ------
     InputError : a lens with skew or thin prisms, which COLMAP cannot hold. `FileError` : it cannot be written.
     """
+    folder = require_path(folder, "write_colmap(folder, cloud, views)")
+    require_cloud(cloud)
+    require_kinds(views, View, "views", "retrue.rig_views makes them")
     cameras = [_colmap_camera(number, view) for number, view in enumerate(views, start=1)]
-    folder = Path(folder)
     sparse = _made(folder / "sparse" / "0")
     _write_lines(sparse / "cameras.txt", cameras)
     seen = [np.flatnonzero(np.isfinite(view.pixels).all(axis=1)) for view in views]
@@ -98,12 +105,15 @@ def write_nerfstudio(folder: str | Path, cloud: Cloud, views: Sequence[View]) ->
     """
     from retrue.files.ply import write_cloud
 
+    folder = require_path(folder, "write_nerfstudio(folder, cloud, views)")
+    require_cloud(cloud)
+    require_kinds(views, View, "views", "retrue.rig_views makes them")
     metres = metres_per(cloud.unit)
     views = [view for view in views if view.picture is not None]
     if not views:
         raise InputError("nerfstudio: expected a view with a picture, found none; hand in pictures, not a CSV")
     frames = [_nerfstudio_frame(view, metres) for view in views]
-    folder = _made(Path(folder))
+    _made(folder)
     _write_pictures(folder / "images", views)
     for view, frame in zip(views, frames, strict=True):
         if view.depth is not None:

@@ -10,19 +10,20 @@ import shutil
 import tempfile
 from collections.abc import Mapping, Sequence
 from importlib.util import find_spec
+from numbers import Integral
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from retrue.errors import FileError, InputError
+from retrue.errors import FileError, InputError, require_kinds, require_path
 from retrue.files.atomic import replaced_file
 from retrue.files.device_formats import ROS_MODELS, ros_text
 from retrue.geometry.arrays import FloatArray
 from retrue.geometry.camera import Camera
 from retrue.geometry.transform import RigidTransform
 from retrue.reconstruction.cloud import Cloud
-from retrue.rig import Rig
+from retrue.rig import Rig, require_rig
 from retrue.units import metres_per
 
 LINK = "camera_link"
@@ -43,7 +44,8 @@ def write_ros(folder: str | Path, rig: Rig) -> None:
 
     Raises `InputError` for a lens with more than eight coefficients, and a unit of unknown length.
     """
-    folder = Path(folder)
+    folder = require_path(folder, "write_ros(folder, rig)")
+    require_rig(rig)
     contents = {
         "rig.urdf": urdf(rig),
         "static_transforms.launch.xml": launch(rig),
@@ -140,7 +142,12 @@ def write_bag(path: str | Path, rig: Rig, clouds: Sequence[Cloud], stamps_ns: Se
     ------
     FileError : it exists, or cannot be written. `InputError` : no rosbags, or what `write_ros` refuses.
     """
-    path = Path(path)
+    path = require_path(path, "write_bag(path, rig, clouds, stamps_ns)")
+    require_rig(rig)
+    require_kinds(clouds, Cloud, "clouds", "retrue.reconstruct makes them")
+    require_kinds(stamps_ns, Integral, "stamps_ns")
+    if len(stamps_ns) != len(clouds):
+        raise InputError(f"stamps_ns: expected one for each of {len(clouds)} clouds, found {len(stamps_ns)}")
     require_bag(path)
     metres_per(rig.unit)
     infos = {"camera": camera_info_fields(rig.camera), "projector": camera_info_fields(rig.projector)}

@@ -6,9 +6,10 @@ from pathlib import Path
 
 import numpy as np
 
-from retrue.errors import FileError, InputError, require_path
+from retrue.errors import FileError, require_kind, require_path
 from retrue.files.atomic import replaced_file
-from retrue.geometry.arrays import Image
+from retrue.geometry.arrays import Image, require_picture
+from retrue.ranges import require_number
 from retrue.reconstruction.warp import Warp
 
 NOT_DRAWN = -1.0  # brightness of a node that shows nothing
@@ -26,6 +27,7 @@ def write_st_map(path: str | Path, warp: Warp) -> None:
     import cv2
 
     path = require_path(path, "write_st_map(path, warp)")
+    require_kind(warp, Warp, "warp", "retrue.warp makes one")
     if path.suffix.lower() not in (".tif", ".tiff"):
         raise FileError(path, f"expected an ST map that ends in .tif or .tiff, found {path.suffix or 'no ending'}")
     shown = np.isfinite(warp.st[..., :1])
@@ -43,9 +45,9 @@ def write_warp_mesh(path: str | Path, warp: Warp, every: int = 16) -> None:
     "Data format for warping mesh files".
     """
     path = require_path(path, "write_warp_mesh(path, warp)")
+    require_kind(warp, Warp, "warp", "retrue.warp makes one")
     height, width = warp.st.shape[:2]
-    if not (1 <= every < min(width, height)):
-        raise InputError(f"every: expected a whole number of pixels within the picture, found {every!r}")
+    require_number(every, "every", 1, min(width, height) - 1, whole=True)
     columns = np.unique([*range(0, width, every), width - 1])
     rows = np.unique([*range(0, height, every), height - 1])[::-1]
     x = ((columns + 0.5) / width * 2 - 1) * width / height
@@ -67,6 +69,8 @@ def warped_picture(warp: Warp, picture: Image) -> Image:
     """
     import cv2
 
+    require_kind(warp, Warp, "warp", "retrue.warp makes one")
+    require_picture(picture, "picture")
     height, width = picture.shape[:2]
     per_pixel = np.nanmedian(np.abs(np.diff(warp.st[..., 0], axis=1))) * width
     if per_pixel > 1.5:  # pixels of the picture for one of the projector
