@@ -85,11 +85,21 @@ def require_kinds(values: Any, kind: type | tuple[type, ...], name: str, advice:
         require_kind(value, kind, f"{name}[{index}]", advice)
 
 
+def require_names(names: Any, count: int) -> None:
+    """An `InputError` where `names` is neither empty nor one text for each of `count` things."""
+    require_kinds(names, str, "names")
+    if len(names) not in (0, count):
+        raise InputError(f"names: expected one for each of {count}, or none, found {len(names)}")
+
+
 def require_path(path: Any, call: str) -> Path:
     """The path; an `InputError` where something else stands in its place in that call."""
     if not isinstance(path, str | PathLike):
         raise InputError(f"path: expected text or a pathlib.Path, as in {call}; found {_found(path)}")
-    return Path(cast("Any", path))
+    found = Path(cast("Any", path))
+    if "\0" in str(found):
+        raise FileError(str(found).replace("\0", "\\0"), "cannot be read or written: no file has a NUL in its name")
+    return found
 
 
 def in_brief(value: Any) -> str:

@@ -12,8 +12,9 @@ from typing import TYPE_CHECKING
 from retrue.calibration.result import Calibrated, RefusedCalibration
 from retrue.capture import Capture
 from retrue.correspondences import Correspondences, require_captures
-from retrue.errors import InputError, require_kind, require_path
+from retrue.errors import InputError, in_brief, require_kind, require_path
 from retrue.files.atomic import replaced_file
+from retrue.geometry.arrays import require_picture
 from retrue.recalibration.result import Accepted, Refused, Verification
 from retrue.reconstruction.cloud import Cloud, Mesh
 from retrue.report.page import Page, Provenance, page_html
@@ -101,6 +102,11 @@ def _page(
     require_rig(rig)
     require_captures(captures)
     assert rig is not None
+    if isinstance(pictures, str) or not isinstance(pictures, Sequence):
+        raise InputError(f"pictures: expected a list of pictures, found {in_brief(pictures)}")
+    for number, picture in enumerate(pictures):
+        if picture is not None:
+            require_picture(picture, f"pictures[{number}]")
     if len(pictures) > len(captures):
         raise InputError(f"pictures: expected at most one of each capture, {len(captures)}, found {len(pictures)}")
     seen = [

@@ -13,7 +13,7 @@ from retrue.acceptance.fits import Element, fit_plane, fit_sphere
 from retrue.acceptance.options import AcceptOptions
 from retrue.acceptance.search import find_balls, find_plane
 from retrue.answers import Reason
-from retrue.errors import InputError, require_kind, require_kinds
+from retrue.errors import InputError, require_kind, require_kinds, require_names
 from retrue.geometry.arrays import FloatArray, IntArray
 from retrue.reconstruction.cloud import Cloud
 from retrue.shown import ShortRepr, Shown, counted, figures
@@ -209,13 +209,14 @@ def accept(
     """
     require_kinds(clouds, Cloud, "clouds", "retrue.reconstruct makes them")
     require_kind(artefact, Artefact, "artefact", "retrue.parse_artefact makes one")
-    options = options or AcceptOptions()
+    options = AcceptOptions() if options is None else options
     require_kind(options, AcceptOptions, "options")
     if not clouds:
         raise InputError("clouds: expected at least one position, found none")
     units = sorted({cloud.unit for cloud in clouds})
     if len(units) > 1:
         raise InputError(f"clouds: expected one unit of length, found {', '.join(units)}")
+    require_names(names, len(clouds))
     names = names or [str(number) for number in range(1, len(clouds) + 1)]
     artefact = artefact.converted(units[0])
     positions = tuple(_position(name, cloud, artefact, options) for name, cloud in zip(names, clouds, strict=True))

@@ -38,7 +38,7 @@ def make_cad(cloud: Cloud, options: CadOptions | None = None) -> CadModel:
     DegenerateError : the noise cannot be told and no tolerance is given, or there is no smooth region.
     """
     require_cloud(cloud)
-    options = options or CadOptions()
+    options = CadOptions() if options is None else options
     require_kind(options, CadOptions, "options")
     wanted = options.cad_tolerance
     if cloud.cells is None:

@@ -82,7 +82,8 @@ def calibrate(
     """
     require_kinds(captures, (BoardCapture, StereoCapture), "captures", "retrue.read_board_capture reads one")
     require_kind(board, Board, "board", "retrue.parse_board makes one of such a text")
-    require_kind(options or CalibrationOptions(), CalibrationOptions, "options")
+    if options is not None:
+        require_kind(options, CalibrationOptions, "options")
     sizes = _sizes(captures, projector_size, (camera, projector))
     if mirrored := picture_mirrored([capture.points for capture in captures if isinstance(capture, BoardCapture)]):
         return RefusedCalibration(mirrored)
@@ -255,6 +256,8 @@ def _sizes(captures: Sequence[Capture], projector_size: tuple[int, int] | None, 
     else:
         raise InputError("calibration: expected the size of the projector's picture, found none")
     for name, size, camera in zip(("camera", "projector"), sizes, known, strict=True):
+        if camera is not None:
+            require_kind(camera, Camera, name, "retrue.read_device reads one")
         if camera is not None and camera.size != size:
             raise InputError(
                 f"{name}: expected known intrinsics of {size[0]} x {size[1]} pixels, "

@@ -15,13 +15,14 @@ from pathlib import Path
 from typing import Any
 
 from retrue.calibration.result import Calibrated
-from retrue.errors import FileError, InputError, require_kind, require_path
+from retrue.errors import FileError, InputError, require_kind, require_kinds, require_path
 from retrue.files.append_log import AppendLog, newest_first, opened_log
 from retrue.files.atomic import replaced_file
 from retrue.files.history_entry import Action, DamagedLine, History, HistoryEntry, entry_document, entry_or_damage
 from retrue.files.images import picture_paths
 from retrue.files.rig_json import rig_to_json
 from retrue.files.rigs import read_rig
+from retrue.ranges import require_number
 from retrue.recalibration.result import Accepted
 from retrue.rig import Rig
 
@@ -45,6 +46,8 @@ def read_history(rig_path: str | Path, last: int | None = None) -> History:
     history is no file, or cannot be read at all.
     """
     path = history_path(require_path(rig_path, "read_history(rig_path)"))
+    if last is not None:
+        require_number(last, "last", 0, whole=True)
     entries: list[HistoryEntry] = []
     damaged: list[DamagedLine] = []
     for found in map(entry_or_damage, newest_first(path)):
@@ -93,6 +96,7 @@ def write_in_place(
     """
     path = _writable(require_path(rig_path, "write_in_place(rig_path, result)"))
     require_kind(result, (Accepted, Calibrated), "result")
+    require_kinds(captures, Mapping, "captures")
     action: Action = "recalibrated" if isinstance(result, Accepted) else "calibrated"
     evidence = _evidence(result) if isinstance(result, Accepted) else {"reason": result.reason}
     with opened_log(history_path(path)) as log:
@@ -106,6 +110,8 @@ def roll_back(rig_path: str | Path, entry_id: int | None = None) -> HistoryEntry
     Raises `InputError` where there is no such entry, `FileError` where nothing can be written.
     """
     path = _writable(require_path(rig_path, "roll_back(rig_path)"))
+    if entry_id is not None:
+        require_number(entry_id, "entry_id", whole=True)
     with opened_log(history_path(path)) as log:
         target = _before(path, log.path) if entry_id is None else _with_id(log.path, entry_id)
         return _put(path, log, target.rig, "rolled back", target.evidence, target.captures, target.id)

@@ -5,12 +5,13 @@ from __future__ import annotations
 import re
 from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
+from numbers import Integral
 from pathlib import Path
 from typing import cast
 
 import numpy as np
 
-from retrue.errors import CaptureError, FileError, InputError, require_kind, require_path
+from retrue.errors import CaptureError, FileError, InputError, require_kind, require_kinds, require_path
 from retrue.files.atomic import read_bytes, replaced_file
 from retrue.files.image_header import PNG, ImageHeader, png_is_whole, read_image_header
 from retrue.geometry.arrays import Image
@@ -70,7 +71,8 @@ def read_folder(path: str | Path, *, color: Sequence[int] = ()) -> tuple[list[Im
     FileError
         a picture that cannot be read.
     """
-    folder = Path(path)
+    folder = require_path(path, "read_folder(path)")
+    require_kinds(color, Integral, "color")
     paths = picture_paths(folder)
     with ThreadPoolExecutor(2) as threads:
         headers = list(threads.map(_checked_header, paths))

@@ -7,7 +7,7 @@ from warnings import warn
 
 import numpy as np
 
-from retrue.errors import FileError, InputError, RetrueWarning, require_path
+from retrue.errors import FileError, InputError, RetrueWarning, in_brief, require_kind, require_path
 from retrue.files.atomic import read_text, replaced_file
 from retrue.files.device_formats import (
     camera_from_mrcal,
@@ -33,6 +33,7 @@ from retrue.files.tool_formats import (
     settled_size,
     storage_from_rig,
 )
+from retrue.geometry.arrays import whole_size
 from retrue.geometry.camera import Camera
 from retrue.geometry.transform import RigidTransform
 from retrue.rig import Rig, require_rig
@@ -61,6 +62,9 @@ def read_rig(
         contradicts the file.
     """
     path = require_path(path, "read_rig(path)")
+    camera_size, projector_size = _said(camera_size, "camera_size"), _said(projector_size, "projector_size")
+    if unit is not None:
+        require_kind(unit, str, "unit")
     if unit is not None and not (unit.strip() and unit.isprintable() and len(unit) <= LONGEST_UNIT):
         raise InputError(f'unit: expected the name of the unit of length, such as "mm", found {unit[:LONGEST_UNIT]!r}')
     content = _content(path)
@@ -84,7 +88,9 @@ def read_device(path: str | Path, role: Role, *, size: Size | None = None) -> Ca
 
     `size` is needed where the format does not store it. Raises `FileError`.
     """
-    path = require_path(path, "read_device(path, role)")
+    path, size = require_path(path, "read_device(path, role)"), _said(size, "size")
+    if not isinstance(role, str) or role not in ("camera", "projector"):
+        raise InputError(f'role: expected "camera" or "projector", found {in_brief(role)}')
     content = _content(path)
     if isinstance(content, Storage):
         if is_opencv_device(content):
@@ -123,6 +129,10 @@ def check_reach(path: Path, role: str, camera: Camera) -> None:
     warn(f"{path}: {message}", RetrueWarning, stacklevel=3)
 
 
+def _said(size: Size | None, name: str) -> Size | None:
+    return None if size is None else whole_size(size, name)
+
+
 def _settled(path: Path, rig: Rig, camera_size: Size | None, projector_size: Size | None) -> Rig:
     settled_size(path, "the file", "camera_size", rig.camera.size, camera_size)
     settled_size(path, "the file", "projector_size", rig.projector.size, projector_size)
@@ -151,8 +161,8 @@ def write_rig(path: str | Path, rig: Rig, to: str = "retrue") -> tuple[str, ...]
     """
     path = require_path(path, "write_rig(path, rig)")
     require_rig(rig)
-    if to not in RIG_FORMATS:
-        raise InputError(f"format: expected one of {', '.join(RIG_FORMATS)}, found {to!r}")
+    if not isinstance(to, str) or to not in RIG_FORMATS:
+        raise InputError(f"format: expected one of {', '.join(RIG_FORMATS)}, found {in_brief(to)}")
     content, lost = _text(rig, to, SYNTAXES.get(path.suffix.lower()))
     with replaced_file(path) as stream:
         stream.write(content.encode())

@@ -11,8 +11,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
-from retrue.errors import DegenerateError, InputError
-from retrue.geometry.arrays import BoolArray, FloatArray, finite_array
+from retrue.errors import DegenerateError
+from retrue.geometry.arrays import BoolArray, FloatArray, array_of, finite_array
 from retrue.geometry.transform import vector_from_rotation
 from retrue.kernels import planar_pose as kernel
 from retrue.shown import ShortRepr, Shown, counted, vector
@@ -155,10 +155,8 @@ def planar_pose_candidates_batch(homographies: ArrayLike, viewing_ray: ArrayLike
     >>> np.abs(poses.normal[:, 0]).round(6).tolist()
     [[0.835711, 0.0, 0.54917], [nan, nan, nan]]
     """
-    stack = np.ascontiguousarray(homographies, dtype=np.float64)
+    stack = np.ascontiguousarray(array_of(homographies, (None, 3, 3), "homographies"))
     x = finite_array(viewing_ray, (3,), "viewing ray")
-    if stack.ndim != 3 or stack.shape[1:] != (3, 3):
-        raise InputError(f"homographies: expected shape N x 3 x 3, found {' x '.join(map(str, stack.shape))}")
     rows = _rows_of_stack(stack, x).reshape(-1, 2, 5, 3)
     return PlanarPoses(rows[:, :, :3], rows[:, :, 3], rows[:, :, 4])
 

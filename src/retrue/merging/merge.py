@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from retrue.answers import Reason
-from retrue.errors import DegenerateError, InputError, require_kind, require_kinds
+from retrue.errors import DegenerateError, InputError, require_kind, require_kinds, require_names
 from retrue.geometry.arrays import FloatArray
 from retrue.geometry.transform import RigidTransform, vector_from_rotation
 from retrue.merging.graph import Adjusted, adjust, largest_group, tree_poses
@@ -164,7 +164,7 @@ def merge(
     InputError : fewer than two clouds, clouds of several units, or the libraries of `retrue[merge]` are not installed.
     """
     require_kinds(clouds, Cloud, "clouds", "retrue.reconstruct makes them")
-    options = options or MergeOptions()
+    options = MergeOptions() if options is None else options
     require_kind(options, MergeOptions, "options")
     if len(clouds) < LEAST_IN_GROUP:
         raise InputError(f"merge: expected two clouds or more, found {len(clouds)}")
@@ -174,6 +174,7 @@ def merge(
     if options.turntable not in (0, len(clouds)):
         raise InputError(f"turntable: expected as many views as steps of a turn, found {len(clouds)}")
     require_libraries()
+    require_names(names, len(clouds))
     names = tuple(names) or tuple(f"view {number}" for number in range(1, len(clouds) + 1))
     clouds = [cloud.select(np.flatnonzero(np.isfinite(cloud.points).all(axis=1))) for cloud in clouds]
     for name, cloud in zip(names, clouds, strict=True):

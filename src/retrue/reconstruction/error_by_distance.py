@@ -88,7 +88,10 @@ def _at(rig: Rig, distance: float, noise_px: float) -> DistanceError:
     if not len(seen):
         return DistanceError(distance, 0.0, *(float("nan"),) * 4)
     known = Uncertainty(rig, (0, 1), np.zeros(len(seen)), np.full(len(seen), noise_px))
-    own, common = known.covariance(seen, "own"), known.covariance(seen, "common")
+    with np.errstate(over="ignore", invalid="ignore"):
+        own, common = known.covariance(seen, "own"), known.covariance(seen, "common")
+    if not (np.isfinite(own) & np.isfinite(common)).all():  # so far away that numbers end
+        return DistanceError(distance, float(lit.mean()), *(float("nan"),) * 4)
     ray = seen / np.linalg.norm(seen, axis=1, keepdims=True)
     side = np.eye(3) - ray[:, :, None] * ray[:, None]
     widest = np.linalg.eigvalsh(side @ (own + common) @ side)[:, -1]

@@ -60,7 +60,7 @@ def reconstruct(rig: Rig, points: Correspondences, options: ReconstructOptions |
     require_rig(rig)
     require_points(points)
     check_rasters(rig, points)
-    options = options or ReconstructOptions()
+    options = ReconstructOptions() if options is None else options
     require_kind(options, ReconstructOptions, "options")
     if not np.linalg.norm(rig.projector_from_camera.t) > 0:
         raise DegenerateError("rig: expected a baseline, found t = 0: camera and projector coincide, so no depth")

@@ -76,7 +76,7 @@ def simulate(
     """
     require_rig(rig)
     require_kind(pattern, PATTERNS, "pattern", "retrue.read_pattern reads one")
-    options = options or SimulateOptions()
+    options = SimulateOptions() if options is None else options
     require_kind(options, SimulateOptions, "options")
     if pattern.projector_size != rig.projector.size:
         raise InputError(
