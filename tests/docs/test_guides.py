@@ -8,7 +8,7 @@ from collections.abc import Iterator
 
 import pytest
 
-from tests.docs.pages import DOCS, FENCE, ROOT
+from tests.docs.pages import DOCS, FENCE, ROOT, pages
 
 GAP = "\0"
 QUOTED = re.compile(r"^(?:#+|\||-) +`([^`]+)`", re.MULTILINE)  # headings, first cells and items that are a message
@@ -40,3 +40,9 @@ def test_messages_are_quoted_as_they_are(guide) -> None:
     assert len(messages) > 10
     unknown = [message for message in messages if not any(says(said, message) for said in SAID)]
     assert not unknown
+
+
+def test_extras_are_named_as_a_clone_installs_them() -> None:
+    """The package is on no index."""
+    told = [*pages(), *(ROOT / "src").rglob("*.py"), *(ROOT / "src").rglob("*.pyi")]
+    assert [path for path in told if "retrue[" in path.read_text(encoding="utf-8")] == []

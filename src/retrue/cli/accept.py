@@ -51,7 +51,7 @@ class Accept(ReportingCommand):
         sphere:DIAMETER, spheres:DIAMETER:DISTANCE or plane; lengths as calibrated, 25.4mm or 25.4012mm+-0.0008mm
         with the expanded uncertainty (k = 2) of the calibration.
     out
-        The certificate to write, PDF; needs `pip install 'retrue[certificate]'`. Left out: the values are only printed.
+        The certificate to write, PDF; needs `pip install '.[certificate]'`. Left out: the values are only printed.
     serial
         Serial numbers and whatever else names the devices and the artefact, NAME=VALUE each.
     place

@@ -26,7 +26,7 @@ class Demo(ReportingCommand):
     Attributes
     ----------
     out
-        Folder for the new rig, the cloud, the mesh and report.html, and pictures where the extra retrue[plot] is
+        Folder for the new rig, the cloud, the mesh and report.html, and pictures where the extra .[plot] is
         installed; made where it is not there.
     stereo
         Instead: two photographs of a simulated scene, by two cameras.

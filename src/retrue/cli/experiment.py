@@ -20,7 +20,7 @@ Name = Literal["ambiguity", "noise", "peers", "twin", "light", "real", "photogra
 
 @dataclass(frozen=True, kw_only=True)
 class Experiment(Command):
-    """Rerun an experiment: a table to stdout, its CSV and figure (SVG, PNG) to a folder; needs the extra retrue[plot].
+    """Rerun an experiment: a table to stdout, its CSV and figure (SVG, PNG) to a folder; needs the extra .[plot].
 
     Attributes
     ----------

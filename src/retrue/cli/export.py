@@ -37,7 +37,7 @@ class Export(ReportingCommand):
     to
         colmap (sparse/0 and images, in the rig's unit), nerfstudio (transforms.json, images, depth, points; metres),
         ros (rig.urdf, a launch file of static transforms, camera_info; metres), or bag (transforms, camera_info and
-        clouds; metres; needs `pip install 'retrue[ros]'`).
+        clouds; metres; needs `pip install '.[ros]'`).
     out
         The folder to write.
     """

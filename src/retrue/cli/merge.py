@@ -23,7 +23,7 @@ MOST_PAIRS_SHOWN = 12
 
 @dataclass(frozen=True, kw_only=True)
 class Merge(Command):
-    """Merge several clouds of one object into one, with all loops closed and one surface; needs `retrue[merge]`.
+    """Merge several clouds of one object into one, with all loops closed and one surface; needs `.[merge]`.
 
     The views may be taken by hand, on a turntable or with the rig moved, and come in any order. One that shows
     nothing in common with the others is left out and named. Exit status 1 where no two views belong together;

@@ -32,24 +32,16 @@ class PhotographCommand(ReportingCommand):
     stereo
         The rig is two cameras: captures are their photographs, two folders, one folder of both, or pairs in turn.
     matcher
-        Who matches them; lightglue and loftr need `pip install 'retrue[matchers]'`.
+        Who matches them; lightglue and loftr need `pip install '.[matchers]'`.
     """
 
     stereo: bool = False
     matcher: Literal["sift", "lightglue", "loftr"] = "sift"
 
-    def read(
-        self,
-        rig: Rig,
-        captures: Sequence[Path],
-        pattern: Path | None,
-        *,
-        one_coordinate: bool = False,
-        photographs: bool = False,
-    ) -> list[Capture]:
+    def read(self, rig: Rig, captures: Sequence[Path], pattern: Path | None, **how: bool) -> list[Capture]:
         """As of any command; pairs of photographs where that is asked for."""
         if not self.takes_photographs(captures):
-            return super().read(rig, captures, pattern, one_coordinate=one_coordinate, photographs=photographs)
+            return super().read(rig, captures, pattern, **how)
         if pattern is not None:
             raise InputError("expected --stereo or --pattern: photographs of a scene show no pattern")
         return [pair.capture for pair in read_pairs(rig, captures, self.matcher)]

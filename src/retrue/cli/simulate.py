@@ -23,7 +23,7 @@ MESHES = (".ply", ".obj")
 
 @dataclass(frozen=True, kw_only=True)
 class Simulate(Command):
-    """Render what a rig would see, with the truth beside it; needs the extra retrue[simulate].
+    """Render what a rig would see, with the truth beside it; needs the extra .[simulate].
 
     Attributes
     ----------

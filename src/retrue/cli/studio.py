@@ -18,7 +18,7 @@ LIVE = {"real_time": True, "fps": 10.0}
 
 @dataclass(frozen=True, kw_only=True)
 class Studio(Command):
-    """The rig in a browser: see what the decoder sees, check it, recalibrate it, scan with it; needs retrue[studio].
+    """The rig in a browser: see what the decoder sees, check it, recalibrate it, scan with it; needs .[studio].
 
     Attributes
     ----------

@@ -1,4 +1,4 @@
-"""Files in object stores, by their addresses (`s3://bucket/rig-1/*.jpg`), through fsspec: needs `retrue[remote]`."""
+"""Files in object stores, by their addresses (`s3://bucket/rig-1/*.jpg`), by fsspec: needs the extra `.[remote]`."""
 
 from __future__ import annotations
 

@@ -161,7 +161,7 @@ def merge(
 
     Raises
     ------
-    InputError : fewer than two clouds, clouds of several units, or the libraries of `retrue[merge]` are not installed.
+    InputError : fewer than two clouds, clouds of several units, or the libraries of `.[merge]` are not installed.
     """
     require_kinds(clouds, Cloud, "clouds", "retrue.reconstruct makes them")
     options = MergeOptions() if options is None else options

@@ -1,4 +1,4 @@
-"""Metrics of a watch for Prometheus, counted from its events; needs the extra `retrue[watch]`."""
+"""Metrics of a watch for Prometheus, counted from its events; needs `pip install ".[watch]"`."""
 
 from __future__ import annotations
 
