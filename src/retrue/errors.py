@@ -12,7 +12,7 @@ and what it warns of, `RetrueWarning`. A message is one line: what, expected, fo
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import fields, is_dataclass
 from os import PathLike
 from pathlib import Path
@@ -83,6 +83,13 @@ def require_kinds(values: Any, kind: type | tuple[type, ...], name: str, advice:
         raise InputError(f"{name}: expected a list of {_names(kind)}, found {_found(values)}{advice and '; '}{advice}")
     for index, value in enumerate(cast("Sequence[Any]", values)):
         require_kind(value, kind, f"{name}[{index}]", advice)
+
+
+def require_choice(value: Any, choices: Iterable[str], name: str) -> None:
+    """An `InputError` where `value` is none of those words."""
+    words = list(choices)
+    if not isinstance(value, str) or value not in words:
+        raise InputError(f"{name}: expected one of {', '.join(words)}, found {in_brief(value)}")
 
 
 def require_names(names: Any, count: int) -> None:

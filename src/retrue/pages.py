@@ -7,7 +7,7 @@ from datetime import UTC, datetime
 from itertools import zip_longest
 from os import PathLike
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from retrue.calibration.result import Calibrated, RefusedCalibration
 from retrue.capture import Capture
@@ -102,7 +102,8 @@ def _page(
     require_rig(rig)
     require_captures(captures)
     assert rig is not None
-    if isinstance(pictures, str) or not isinstance(pictures, Sequence):
+    listed: Any = pictures
+    if isinstance(listed, str) or not isinstance(listed, Sequence):
         raise InputError(f"pictures: expected a list of pictures, found {in_brief(pictures)}")
     for number, picture in enumerate(pictures):
         if picture is not None:

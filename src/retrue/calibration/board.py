@@ -8,7 +8,7 @@ from typing import Literal, cast, get_args
 
 import numpy as np
 
-from retrue.errors import InputError, in_brief, require_kind
+from retrue.errors import InputError, require_choice, require_kind
 from retrue.geometry.arrays import FloatArray
 from retrue.ranges import require_number
 from retrue.units import UNITS
@@ -48,14 +48,12 @@ class Board:
     dictionary: str = ""
 
     def __post_init__(self) -> None:
-        if not isinstance(self.kind, str) or self.kind not in get_args(BoardKind):
-            raise InputError(f"board: expected one of {', '.join(get_args(BoardKind))}, found {in_brief(self.kind)}")
+        require_choice(self.kind, get_args(BoardKind), "board: kind")
         for count, name in ((self.columns, "columns"), (self.rows, "rows")):
             require_number(count, f"board: {name}", 3, 500, whole=True)
         require_number(self.spacing, "board: spacing", 0, above=True)
         require_number(self.marker, "board: marker", 0)
-        if not isinstance(self.unit, str) or self.unit not in UNITS:
-            raise InputError(f"board: expected a unit, one of {', '.join(UNITS)}, found {in_brief(self.unit)}")
+        require_choice(self.unit, UNITS, "board: unit")
         if self.kind == "charuco" and not 0 < self.marker < self.spacing:
             raise InputError(f"board: expected a marker smaller than its square, found {self.marker:g}")
 

@@ -7,7 +7,7 @@ from warnings import warn
 
 import numpy as np
 
-from retrue.errors import FileError, InputError, RetrueWarning, in_brief, require_kind, require_path
+from retrue.errors import FileError, InputError, RetrueWarning, require_choice, require_kind, require_path
 from retrue.files.atomic import read_text, replaced_file
 from retrue.files.device_formats import (
     camera_from_mrcal,
@@ -89,8 +89,7 @@ def read_device(path: str | Path, role: Role, *, size: Size | None = None) -> Ca
     `size` is needed where the format does not store it. Raises `FileError`.
     """
     path, size = require_path(path, "read_device(path, role)"), _said(size, "size")
-    if not isinstance(role, str) or role not in ("camera", "projector"):
-        raise InputError(f'role: expected "camera" or "projector", found {in_brief(role)}')
+    require_choice(role, ("camera", "projector"), "role")
     content = _content(path)
     if isinstance(content, Storage):
         if is_opencv_device(content):
@@ -161,8 +160,7 @@ def write_rig(path: str | Path, rig: Rig, to: str = "retrue") -> tuple[str, ...]
     """
     path = require_path(path, "write_rig(path, rig)")
     require_rig(rig)
-    if not isinstance(to, str) or to not in RIG_FORMATS:
-        raise InputError(f"format: expected one of {', '.join(RIG_FORMATS)}, found {in_brief(to)}")
+    require_choice(to, RIG_FORMATS, "format")
     content, lost = _text(rig, to, SYNTAXES.get(path.suffix.lower()))
     with replaced_file(path) as stream:
         stream.write(content.encode())

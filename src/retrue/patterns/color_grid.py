@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from retrue.errors import InputError, in_brief
 from retrue.geometry.arrays import FloatArray, finite_array, whole_numbers, whole_size
@@ -132,7 +132,7 @@ def grid_for_camera(projector_size: tuple[int, int], magnification: float) -> Co
     return make_color_grid(projector_size, rows, columns, pitch=pitch, block=block)
 
 
-def whole_colors(value: object, name: str) -> tuple[tuple[int, int, int], ...]:
+def whole_colors(value: ArrayLike, name: str) -> tuple[tuple[int, int, int], ...]:
     """Rows of red, green and blue, 0 .. 255, as a pattern keeps them; an `InputError` that names them otherwise."""
     colors = whole_numbers(value, (None, 3), name)
     if not ((colors >= 0) & (colors <= 255)).all():

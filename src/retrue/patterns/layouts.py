@@ -11,7 +11,7 @@ from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from typing import Literal, cast
 
-from retrue.errors import InputError, in_brief, require_kinds
+from retrue.errors import InputError, require_choice, require_kinds
 from retrue.geometry.arrays import whole_size
 from retrue.patterns.gray_code import GrayCode
 from retrue.patterns.sequence import AXES, Frame, FrameSequence
@@ -49,8 +49,7 @@ def layout_sequence(
     >>> layout_sequence("slstudio-2x3", (1824, 1140), ["column"]).names[5]
     'column sine of 1824 px, shifted by 0.667'
     """
-    if not isinstance(name, str) or name not in LAYOUTS:
-        raise InputError(f"layout: expected one of {', '.join(LAYOUTS)}, found {in_brief(name)}")
+    require_choice(name, LAYOUTS, "layout")
     projector_size = whole_size(projector_size, "projector_size")
     require_number(step_px, "step_px", 1, whole=True)
     if axes is not None:

@@ -5,12 +5,12 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Literal
+from typing import Literal, get_args
 
 import numpy as np
 from numpy.typing import NDArray
 
-from retrue.errors import InputError, in_brief, require_kinds
+from retrue.errors import InputError, require_choice, require_kinds
 from retrue.geometry.arrays import whole_numbers
 from retrue.patterns.gray_code import MAX_BITS, MAX_PROJECTOR_SIDE
 from retrue.ranges import require_number
@@ -57,13 +57,10 @@ class Frame:
     offset_px: float = 0
 
     def __post_init__(self) -> None:
-        if not isinstance(self.code, str) or self.code not in ("gray", "phase", "white", "black", "ignore"):
-            expected = '"gray", "phase", "white", "black" or "ignore"'
-            raise InputError(f"code: expected {expected}, found {in_brief(self.code)}")
+        require_choice(self.code, get_args(Code), "code")
         if self.code not in ("gray", "phase"):
             return
-        if not isinstance(self.axis, str) or self.axis not in AXES:
-            raise InputError(f'axis: expected "column" or "row", found {in_brief(self.axis)}')
+        require_choice(self.axis, AXES, "axis")
         require_number(self.offset_px, "offset_px", -MAX_PROJECTOR_SIDE, MAX_PROJECTOR_SIDE)
         if self.code == "gray":
             require_number(self.bit, "bit", 0, MAX_BITS - 1, whole=True)

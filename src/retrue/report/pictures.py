@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from retrue.correspondences import Correspondences, require_points
-from retrue.errors import InputError, in_brief
+from retrue.errors import InputError, in_brief, require_kinds
 from retrue.geometry.arrays import FloatArray, Image, require_picture
 from retrue.geometry.camera import Camera
 from retrue.geometry.transform import RigidTransform
@@ -37,11 +37,9 @@ def residual_picture(image: Image, points: Correspondences, residuals: Sequence[
     """
     require_picture(image, "image")
     require_points(points)
-    if isinstance(residuals, str) or not isinstance(residuals, Sequence) or not residuals:
-        raise InputError(f"residuals: expected a list of (title, residuals), found {in_brief(residuals)}")
-    for entry in residuals:
-        if not (isinstance(entry, tuple) and len(entry) == 2 and np.shape(entry[1]) == (len(points),)):
-            raise InputError(f"residuals: expected (title, {len(points)} residuals) each, found {in_brief(entry)}")
+    require_kinds(residuals, tuple, "residuals")
+    if not residuals or any(len(entry) != 2 or np.shape(entry[1]) != (len(points),) for entry in residuals):
+        raise InputError(f"residuals: expected (title, {len(points)} residuals) each, found {in_brief(residuals)}")
     require_matplotlib("pictures")
     from matplotlib.colors import LogNorm
 
