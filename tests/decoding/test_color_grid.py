@@ -156,11 +156,10 @@ def test_other_specs_decode(colors, block):
     assert projector_error.max() < 2.0
 
 
-def test_part_of_the_grid_is_enough():
-    truth = picture(Scene([wall()]))
-    part = truth.image[100:250, 150:330]
+def test_part_of_the_grid_is_enough(plain):
+    part = plain[100:250, 150:330]
     points = decode_color_grid(GRID, part)
-    whole = decode_color_grid(GRID, truth.image)
+    whole = decode_color_grid(GRID, plain)
     assert len(points) > 50
     places = {tuple(cell): place for cell, place in zip(whole.cells, whole.camera_px, strict=True)}
     for cell, place in zip(points.cells, points.camera_px, strict=True):
@@ -217,9 +216,10 @@ def test_light_is_what_the_projector_adds_by_colour():
 
 
 def test_light_is_not_known_where_the_picture_is_saturated():
-    points = decode_color_grid(GRID, lit(CameraModel(exposure=1.2)))
+    picture = lit(CameraModel(exposure=1.2))
+    points = decode_color_grid(GRID, picture)
     x, y = np.round(points.camera_px).astype(int).T
-    full = lit(CameraModel(exposure=1.2))[y, x].max(axis=-1) == 255
+    full = picture[y, x].max(axis=-1) == 255
     assert 0.1 < full.mean() < 0.9
     assert np.isnan(points.light[full]).all()
     assert np.isfinite(points.light[~full]).mean() > 0.9
@@ -239,8 +239,8 @@ def test_a_white_and_a_black_picture_tell_the_light_of_all_colours():
     assert (without.light, without.light_class) == (None, None)
 
 
-def test_every_point_comes_with_its_columns():
-    points = decode_color_grid(GRID, picture(Scene([wall()])).image)
+def test_every_point_comes_with_its_columns(plain):
+    points = decode_color_grid(GRID, plain)
     assert points.cells is not None
     assert points.camera_sigma_px is not None
     assert points.confidence is not None

@@ -66,8 +66,13 @@ def usual() -> Rendered:
     return picture(ball=True)
 
 
-def test_webcam(usual):
-    points = decode(GRID, usual.image)
+@pytest.fixture(scope="module")
+def decoded(usual: Rendered) -> Correspondences:
+    return decode(GRID, usual.image)
+
+
+def test_webcam(usual, decoded):
+    points = decoded
     wrong, rms = wrong_and_rms(points, usual)
     assert len(points) > 1000
     assert wrong <= 0.003 * len(points)
@@ -77,8 +82,8 @@ def test_webcam(usual):
     assert (points.camera_size, points.projector_size) == ((360, 300), (800, 600))
 
 
-def test_points_carry_what_jobs_use(usual):
-    points = decode(GRID, usual.image)
+def test_points_carry_what_jobs_use(decoded):
+    points = decoded
     row, column = points.cells.T
     assert np.array_equal(points.projector_px[:, 0], GRID.columns.middles()[column])
     assert np.array_equal(points.projector_px[:, 1], GRID.rows.middles()[row])
@@ -102,12 +107,11 @@ def test_print_and_noise():
     assert wrong_and_rms(points, truth)[0] <= 0.003 * len(points)
 
 
-def test_large_pictures_and_sixteen_bits(usual):
+def test_large_pictures_and_sixteen_bits(usual, decoded):
     large = cv2.resize(usual.image, None, fx=3, fy=3, interpolation=cv2.INTER_CUBIC).astype(np.uint16) * 257
     points = decode(GRID, large)
-    small = decode(GRID, usual.image)
-    assert len(points) > 0.95 * len(small)
-    known = {tuple(cell): at for cell, at in zip(small.cells.tolist(), small.camera_px, strict=True)}
+    assert len(points) > 0.95 * len(decoded)
+    known = {tuple(cell): at for cell, at in zip(decoded.cells.tolist(), decoded.camera_px, strict=True)}
     pairs = [
         (at, known[tuple(c)])
         for c, at in zip(points.cells.tolist(), points.camera_px, strict=True)
