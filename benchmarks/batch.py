@@ -26,7 +26,8 @@ from stream import RIG, seen_by, turned
 
 from retrue import write_points, write_rig
 from retrue.batch.runners import Dask, Pool
-from retrue.batch.tasks import Look, look
+from retrue.batch.tasks import Look
+from retrue.batch.worker import look
 from retrue.cli.main import main as retrue_main
 
 COMMAND = [sys.executable, "-c", "import sys; from retrue.cli.main import main; sys.exit(main())", "batch"]
