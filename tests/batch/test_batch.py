@@ -137,6 +137,36 @@ def test_a_damaged_byte_of_what_is_done_costs_its_own_line(folder, at, kind):
         assert len(ledger.known) == len(kept) + 1
 
 
+def test_what_a_full_disk_kept_from_being_done_is_tried_again(folder):
+    def full(path: Path, points: Correspondences) -> None:
+        raise FileError(path, "cannot be written: No space left on device") from OSError(28, "No space left on device")
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr("retrue.batch.worker.keep_points", full)
+        rows, _ = run(folder)
+        assert "No space left" in rows[4].failed
+    rows, ran = run(folder)
+    assert {task.name for task in ran if isinstance(task, Look)} == {f"{number}.csv" for number in range(12)} - {
+        "2.csv"
+    }
+    assert [row.name for row in rows if row.failed] == ["2.csv"]
+
+
+@pytest.mark.parametrize("content", [b"", b"rubbish", None])
+def test_decoded_points_that_are_damaged_are_decoded_again(folder, content):
+    whole, _ = run(folder)
+    for path in (folder / "out/points").iterdir():
+        path.write_bytes(path.read_bytes()[:-40] if content is None else content)
+    for path in (folder / "out/clouds").iterdir():
+        path.unlink()
+    assert run(folder)[0] == whole
+    (folder / "rig.json").write_text((folder / "rig.json").read_text() + "\n")  # another file: all anew, and a new rig
+    for path in (folder / "out/points").glob("[567].*"):
+        path.write_bytes(b"rubbish")
+    run(folder)
+    assert [row.result for row in run(folder)[0]] == [row.result for row in whole]
+
+
 @pytest.mark.parametrize("die", [1, 5, 13, 20, 24])
 def test_it_goes_on_where_it_was_stopped(folder, die):
     whole, ran = run(folder)

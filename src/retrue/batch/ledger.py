@@ -58,8 +58,10 @@ class Ledger:
         self.count += 1
         places = [self._place(path) for path in files]
         entry = {"id": self.count, "name": name, "context": context, "stamp": stamp, "files": places}
+        line = line_of(entry | {"result": dict(result)})
         try:
-            self.stream.write(line_of(entry | {"result": dict(result)}))
+            while line:
+                line = line[self.stream.write(line) :]
         except OSError as error:
             raise FileError(self.path, f"cannot be written: {error.strerror or error}") from error
         self.remember(entry | {"result": result})

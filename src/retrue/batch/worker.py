@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from contextlib import AbstractContextManager, nullcontext
+from contextlib import AbstractContextManager, nullcontext, suppress
 from dataclasses import asdict
 from functools import lru_cache
 from pathlib import Path
@@ -17,7 +17,7 @@ from retrue.files.captures import pictures_size, read_capture
 from retrue.files.kept_points import keep_points, read_kept_points
 from retrue.files.models import write_cloud
 from retrue.files.patterns import read_pattern
-from retrue.files.remote import Remote, fetched
+from retrue.files.remote import Remote, UnfetchedError, fetched
 from retrue.files.rigs import read_rig, write_rig
 from retrue.plain_json import plain
 from retrue.rasters import check_extent, check_pattern, check_pictures, check_rasters
@@ -33,7 +33,7 @@ DISAGREE = "the captures do not agree on one pose: the rig, or something before 
 
 
 def look(task: Look) -> dict[str, Any]:
-    """How many correspondences, what `verify` says, and the cloud; or why not, which another try would not change."""
+    """How many correspondences, what `verify` says, and the cloud; or why not."""
     rig = _cached(task.rig, _date(task.rig), read_rig)
     try:
         points = _points(task, rig)
@@ -44,7 +44,8 @@ def look(task: Look) -> dict[str, Any]:
             return result
         cloud = reconstruct(rig, points, options_of(task.limits, "reconstruct"))
     except RetrueError as error:
-        return {"failed": error.problem if isinstance(error, FileError) else str(error)}
+        why = error.problem if isinstance(error, FileError) else str(error)
+        return {"lost" if _may_pass(error) else "failed": why}
     task.cloud.parent.mkdir(parents=True, exist_ok=True)
     write_cloud(task.cloud, cloud)
     return result | {"points": len(cloud.points)}
@@ -52,7 +53,10 @@ def look(task: Look) -> dict[str, Any]:
 
 def renew(task: Renew) -> dict[str, Any]:
     """A rig that all these captures agree with, written; or the reason why there is none."""
-    rig, captures = read_rig(task.rig), [read_kept_points(path) for path in task.points]
+    rig = read_rig(task.rig)
+    captures = [points for points in map(_kept, task.points) if points is not None]
+    if len(captures) < len(task.points):
+        return {"lost": "what was decoded of them before was damaged; run the batch again"}
     try:
         result = unattended(recalibrate(rig, captures, options_of(task.limits, "recalibrate")))
         if not isinstance(result, Accepted):
@@ -77,8 +81,8 @@ def renew(task: Renew) -> dict[str, Any]:
 
 def _points(task: Look, rig: Rig) -> Correspondences:
     """Decoded, and of this rig; kept where somebody will ask again."""
-    if task.points is not None and task.points.exists():
-        return read_kept_points(task.points)
+    if task.points is not None and (kept := _kept(task.points)) is not None:
+        return kept
     pattern = None
     if task.pattern is not None:
         pattern = _cached(task.pattern, _date(task.pattern), read_pattern)
@@ -93,6 +97,21 @@ def _points(task: Look, rig: Rig) -> Correspondences:
         task.points.parent.mkdir(parents=True, exist_ok=True)
         keep_points(task.points, points)
     return points
+
+
+def _kept(path: Path) -> Correspondences | None:
+    """What was decoded before; what is damaged is removed, and as good as none."""
+    try:
+        return read_kept_points(path) if path.exists() else None
+    except FileError:
+        with suppress(OSError):
+            path.unlink()
+        return None
+
+
+def _may_pass(error: RetrueError) -> bool:
+    """Whether another try may have more luck: it is the disk, a permission or the network, and not the capture."""
+    return isinstance(error, UnfetchedError) or isinstance(error.__cause__, OSError)
 
 
 def _at_hand(capture: Capture) -> AbstractContextManager[Path]:
