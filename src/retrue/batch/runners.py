@@ -145,10 +145,11 @@ class Dask:
         workers = 0
         while True:
             if len(flying) <= workers * AHEAD:
-                workers = self._workers() or workers
-                batch = [*again, *islice(waiting, workers * (1 + AHEAD) - len(flying) - len(again))]
+                workers = self._workers() or workers or 1
+                batch = [*again, *islice(waiting, max(0, workers * (1 + AHEAD) - len(flying) - len(again)))]
                 again.clear()
-                for task, future in zip(batch, self._client.map(work, batch, pure=False), strict=True):
+                futures = self._client.map(work, batch, pure=False) if batch else []
+                for task, future in zip(batch, futures, strict=True):
                     flying[future] = task
                     future.add_done_callback(ended.put)
             if not flying:
@@ -163,9 +164,10 @@ class Dask:
                     again.append(task)
 
     def _workers(self) -> int:
-        """Threads of all workers that are there by now, at least one."""
+        """Threads of all workers that are there by now; 0 where there is none, or nobody says."""
+        self._await_scheduler()
         with suppress(OSError):
-            return max(1, sum(self._client.nthreads().values()))
+            return sum(self._client.nthreads().values())
         return 0
 
     def _ended(self, ended: SimpleQueue[Any]) -> list[Any]:
