@@ -92,7 +92,7 @@ class Future:
 
 
 class Cluster:
-    """Dask's client, without workers at first; its scheduler dies under the second batch, and before the fourth answer."""
+    """Dask's client, without workers at first; its scheduler dies under the second batch, and later once more."""
 
     status = "running"
 
