@@ -148,7 +148,7 @@ class Dask:
                 workers = self._workers() or workers or 1
                 batch = [*again, *islice(waiting, max(0, workers * (1 + AHEAD) - len(flying) - len(again)))]
                 again.clear()
-                futures = self._client.map(work, batch, pure=False) if batch else []
+                futures: list[Any] = self._client.map(work, batch, pure=False) if batch else []
                 for task, future in zip(batch, futures, strict=True):
                     flying[future] = task
                     future.add_done_callback(ended.put)
