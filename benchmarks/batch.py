@@ -1,8 +1,8 @@
 """A batch beside single commands: the same files, what it costs on top, kills, and doing nothing.
 
-python benchmarks/batch.py [--captures 2000] [--workers 2] [--dask-workers 64]
+python benchmarks/batch.py [--captures 2000] [--workers 2]
 
-Captures are simulated points of a rig that is bumped twice. Dask is measured where it is installed.
+Captures are simulated points of a rig that is bumped twice. Dask is measured by batch_dask.py.
 """
 
 from __future__ import annotations
@@ -25,8 +25,9 @@ sys.path.insert(0, str(Path(__file__).parents[1] / "tests" / "watch"))
 from stream import RIG, seen_by, turned
 
 from retrue import write_points, write_rig
-from retrue.batch.runners import Dask, Pool
-from retrue.batch.tasks import Look, look
+from retrue.batch.runners import Pool
+from retrue.batch.tasks import Look
+from retrue.batch.worker import look
 from retrue.cli.main import main as retrue_main
 
 COMMAND = [sys.executable, "-c", "import sys; from retrue.cli.main import main; sys.exit(main())", "batch"]
@@ -39,7 +40,6 @@ def main() -> int:
     parser = argparse.ArgumentParser()
     parser.add_argument("--captures", type=int, default=2000)
     parser.add_argument("--workers", type=int, default=2)
-    parser.add_argument("--dask-workers", type=int, default=64)
     asked = parser.parse_args()
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
@@ -48,10 +48,6 @@ def main() -> int:
         good &= kills(folder, asked.captures, asked.workers)
         good &= nothing_to_do(folder)
         overhead(folder, asked.captures, asked.workers)
-    with contextlib.suppress(ImportError):
-        import distributed  # noqa: F401
-
-        dask(asked.workers, asked.dask_workers)
     return int(not good)
 
 
@@ -166,29 +162,6 @@ def overhead(folder: Path, count: int, workers: int) -> None:
         list(pool.run(slept, [0.02] * 1000))
         each = (time.perf_counter() - start) * workers / 1000 - 0.02
     print(f"on top of a task that sleeps 20 ms: {1000 * each:.2f} ms")
-
-
-def dask(workers: int, many: int) -> None:
-    """Tasks that sleep, on the pool and on Dask; and on many workers of Dask in one process."""
-    took: dict[str, float] = {}
-    for name, runner in (("pool", Pool(workers)), ("Dask", Dask(None, workers))):
-        with runner:
-            list(runner.run(slept, [0.0] * 4 * workers))
-            start = time.perf_counter()
-            list(runner.run(slept, [0.25] * 40 * workers))
-            took[name] = time.perf_counter() - start
-    print(f"{40 * workers} tasks of 0.25 s: pool {took['pool']:.2f} s, Dask {took['Dask']:.2f} s")
-    from distributed import LocalCluster
-
-    with (
-        LocalCluster(n_workers=many, threads_per_worker=1, processes=False, dashboard_address=":0") as cluster,
-        Dask(cluster.scheduler_address, 1) as runner,
-    ):
-        list(runner.run(slept, [0.0] * many))
-        start = time.perf_counter()
-        list(runner.run(slept, [1.0] * 20 * many))
-        efficiency = 20 / (time.perf_counter() - start)
-    print(f"{20 * many} tasks of 1 s on {many} workers of Dask in one process: efficiency {efficiency:.2f}")
 
 
 def slept(seconds: float) -> dict[str, Any]:

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import json
+import subprocess
+import sys
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -13,6 +15,7 @@ import pytest
 from retrue import Accepted, Correspondences, Evidence, read_rig, reconstruct, write_cloud, write_points, write_rig
 from retrue.batch.batch import Row, run_batch
 from retrue.batch.job import read_jobs
+from retrue.batch.ledger import opened_ledger
 from retrue.batch.summary import counts, write_summary
 from retrue.batch.tasks import Look
 from retrue.errors import FileError
@@ -102,6 +105,68 @@ def test_what_is_done_is_not_done_again_and_what_changed_is(folder):
     assert run(folder)[1] == []
 
 
+def test_where_nothing_is_to_be_done_nothing_is_imported_to_do_it(folder):
+    run(folder)
+    code = "import sys\nfrom retrue.cli.main import main\nmain(sys.argv[1:])\n"
+    code += "print(*sorted({'numpy', 'cv2', 'scipy'} & set(sys.modules)), len(sys.modules))"
+    command = [sys.executable, "-c", code, "batch", str(folder / "job.toml"), "--json"]
+    report, loaded = subprocess.run(command, stdout=subprocess.PIPE, check=True, text=True).stdout.splitlines()
+    assert json.loads(report)["tasks"] == 0
+    assert loaded.isdecimal()
+
+
+@pytest.mark.parametrize("at", range(0, 4000, 161))
+@pytest.mark.parametrize("kind", ["flipped", "cut out", "cut off"])
+def test_a_damaged_byte_of_what_is_done_costs_its_own_line(folder, at, kind):
+    path = folder / "results.jsonl"
+    with opened_ledger(folder) as ledger:
+        for number in range(12):
+            ledger.write(f"{number}.csv", "context", [number, 0.5], [folder / f"{number}.ply"], {"points": number})
+    content = path.read_bytes()
+    at %= len(content)
+    between = {"flipped": bytes([content[at] ^ 0x55])}.get(kind, b"")
+    path.write_bytes(content[:at] + between + (b"" if kind == "cut off" else content[at + 1 :]))
+    with opened_ledger(folder) as ledger:
+        kept = {name: entry["result"] for (name, _), entry in ledger.known.items()}
+        ledger.write("new.csv", "context", [1], [], {"points": 99})
+    hit = content[at:].count(b"\n") if kind == "cut off" else 1
+    assert len(kept) >= 12 - hit
+    assert all(kept[name] == {"points": int(name.removesuffix(".csv"))} for name in kept)
+    with opened_ledger(folder) as ledger:
+        assert ledger.known["new.csv", "context"]["result"] == {"points": 99}
+        assert len(ledger.known) == len(kept) + 1
+
+
+def test_what_a_full_disk_kept_from_being_done_is_tried_again(folder):
+    def full(path: Path, points: Correspondences) -> None:
+        raise FileError(path, "cannot be written: No space left on device") from OSError(28, "No space left on device")
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr("retrue.batch.worker.keep_points", full)
+        rows, _ = run(folder)
+        assert "No space left" in rows[4].failed
+    rows, ran = run(folder)
+    assert {task.name for task in ran if isinstance(task, Look)} == {f"{number}.csv" for number in range(12)} - {
+        "2.csv"
+    }
+    assert [row.name for row in rows if row.failed] == ["2.csv"]
+
+
+@pytest.mark.parametrize("content", [b"", b"rubbish", None])
+def test_decoded_points_that_are_damaged_are_decoded_again(folder, content):
+    whole, _ = run(folder)
+    for path in (folder / "out/points").iterdir():
+        path.write_bytes(path.read_bytes()[:-40] if content is None else content)
+    for path in (folder / "out/clouds").iterdir():
+        path.unlink()
+    assert run(folder)[0] == whole
+    (folder / "rig.json").write_text((folder / "rig.json").read_text() + "\n")  # another file: all anew, and a new rig
+    for path in (folder / "out/points").glob("[567].*"):
+        path.write_bytes(b"rubbish")
+    run(folder)
+    assert [row.result for row in run(folder)[0]] == [row.result for row in whole]
+
+
 @pytest.mark.parametrize("die", [1, 5, 13, 20, 24])
 def test_it_goes_on_where_it_was_stopped(folder, die):
     whole, ran = run(folder)
@@ -157,7 +222,7 @@ def test_no_rig_is_made_whose_lenses_nothing_checks_without_a_word(folder):
 
 def test_captures_that_together_hold_give_no_rig(folder, monkeypatch):
     monkeypatch.setattr(
-        "retrue.recalibration.recalibrate.recalibrate",
+        "retrue.batch.worker.recalibrate",
         lambda rig, captures, options: Accepted(rig, "it holds", Evidence(0), unchanged=True),
     )
     rows, _ = run(folder)

@@ -7,7 +7,9 @@ import signal
 import subprocess
 import sys
 import time
+from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -77,3 +79,51 @@ def test_dask_runs_the_same(tmp_path):
         results = dict(dask.run(fragile, tasks))
     assert results[tasks[3]] == {"lost": "ZeroDivisionError: because"}
     assert sum(result == {} for result in results.values()) == 5
+
+
+class Future:
+    """Of `Cluster`; what it was to say is there at once."""
+
+    def __init__(self, status: str, result: dict[str, Any]) -> None:
+        self.status, self.result = status, result
+
+    def add_done_callback(self, tell: Callable[[Future], None]) -> None:
+        tell(self)
+
+
+class Cluster:
+    """Dask's client, without workers at first; its scheduler dies under the second batch, and later once more."""
+
+    status = "running"
+
+    def __init__(self) -> None:
+        self.batches: list[list[int]] = []
+        self.asked = self.gathered = 0
+
+    def nthreads(self) -> dict[str, int]:
+        self.asked += 1
+        if self.asked == 1:
+            raise OSError("no scheduler")
+        return {"one": 1, "two": 1}
+
+    def map(self, work: Callable[[int], dict[str, Any]], tasks: list[int], pure: bool) -> list[Future]:
+        assert not pure
+        self.batches.append(tasks)
+        status = "cancelled" if len(self.batches) == 2 else "finished"
+        return [Future(status, work(task)) for task in tasks]
+
+    def gather(self, futures: list[Future]) -> list[dict[str, Any]]:
+        self.gathered += 1
+        if self.gathered == 4:
+            raise OSError("connection lost")
+        return [future.result for future in futures]
+
+
+def test_what_went_with_a_scheduler_is_handed_in_again():
+    dask = Dask.__new__(Dask)
+    dask._client = cluster = Cluster()
+    found = list(dask.run(lambda task: {"task": task}, range(30)))
+    assert sorted(task for task, _ in found) == list(range(30))
+    assert all(result == {"task": task} for task, result in found)
+    handed_in = [task for batch in cluster.batches for task in batch]
+    assert 0 < len(handed_in) - 30 <= 16  # only what was in flight, twice

@@ -16,7 +16,6 @@ from retrue.batch.runners import Runner
 from retrue.batch.tasks import Look, Renew, is_kept, paths_of, work
 from retrue.errors import FileError
 from retrue.files.atomic import read_bytes
-from retrue.files.rigs import read_rig
 from retrue.recalibration.streak import (
     Drifted,
     Streak,
@@ -34,6 +33,7 @@ Progress = Callable[[str, int, int], None]
 
 LARGEST_INPUT = 2**27  # bytes of a rig or a pattern
 AHEAD = 64  # captures that are verified with a rig before it is known whether they are the last that it holds for
+SORTED = json.JSONEncoder(sort_keys=True)
 MOVED = "the rig had moved, and the captures gave no new one"
 NO_CLOUD = "no cloud is made with a rig that does not hold"
 
@@ -67,13 +67,14 @@ class Batch:
     digests: dict[Path, str] = field(default_factory=dict[Path, str])
     contexts: dict[tuple[Any, ...], str] = field(default_factory=dict[tuple[Any, ...], str])
     done: int = 0
+    checked: bool = False
 
     def rows(self) -> list[Row]:
         """Every capture, in their order."""
         looks = [self.look(number) for number in range(len(self.job.captures))]
         if "recalibrate" not in self.job.do:
             results = self.results("captures", looks)
-            return [_row(task, results[task.name]) for task in looks]
+            return [_row(task.name, task.rig, results[task.name]) for task in looks]
         kept = [replace(task, verify=True, cloud=None, points=self.points_path(task)) for task in looks]
         verified = self._verified_in_order(kept)
         if "reconstruct" not in self.job.do:
@@ -91,7 +92,7 @@ class Batch:
     def look(self, number: int) -> Look:
         """What the job asks of a capture, with the rig that it names."""
         job, name = self.job, self.job.names[number]
-        cloud = job.out / "clouds" / f"{name}.ply" if "reconstruct" in job.do else None
+        cloud = job.out / f"clouds/{name}.ply" if "reconstruct" in job.do else None
         verify = bool({"verify", "recalibrate"} & job.do)
         return Look(name, job.captures[number], job.pattern, job.rig, job.limits, verify, None, cloud)
 
@@ -101,7 +102,7 @@ class Batch:
             digest = _digest([self._stamp(task), self._digest(task.pattern)])
         except FileError:  # gone: its task will say so
             digest = "none"
-        return self.job.out / "points" / f"{task.name}.{digest[:12]}.npz"
+        return self.job.out / f"points/{task.name}.{digest[:12]}.npz"
 
     def _verified_in_order(self, looks: Sequence[Look]) -> list[Row]:
         """Follow the rig through time; a rig that the captures give holds from the first that had drifted."""
@@ -112,11 +113,11 @@ class Batch:
         found, why = dict(first), dict[tuple[Path, int], str]()  # what spoke against a new rig
         while len(rows) < len(looks):
             number = len(rows)
-            task = replace(looks[number], rig=rig)
-            if task.name not in found:
-                block = [replace(item, rig=rig) for item in looks[number : number + AHEAD]]
-                found |= self.results("", [item for item in block if item.name not in found])
-            row = _row(task, found[task.name])
+            name = looks[number].name
+            if name not in found:
+                block = [item for item in looks[number : number + AHEAD] if item.name not in found]
+                found |= self.results("", [replace(item, rig=rig) for item in block])
+            row = _row(name, rig, found[name])
             rows.append(row)
             streak = _after(streak, number, row, options)
             if not is_due(streak, options):
@@ -169,6 +170,8 @@ class Batch:
                 todo.append(task)
             else:
                 results[task.name] = result
+        if todo:
+            self._check_inputs()
         for done, (task, result) in enumerate(self.runner.run(work, todo), start=1):
             if "lost" not in result:
                 self.ledger.write(task.name, contexts[task.name], self._stamp(task), paths_of(task), result)
@@ -177,6 +180,12 @@ class Batch:
             if what:
                 self.progress(what, done, len(todo))
         return results
+
+    def _check_inputs(self) -> None:
+        """Before the first task: where all is done already, they were read then, and are the same."""
+        if not self.checked:
+            check_inputs(self.job)
+            self.checked = True
 
     def _stamp(self, task: Look | Renew) -> Stamp:
         if isinstance(task, Renew):
@@ -206,23 +215,19 @@ class Batch:
 
 def run_batch(job: Job, runner: Runner, progress: Progress) -> tuple[list[Row], int]:
     """Rows of all captures, and how many tasks that took now. Raises `FileError` for a rig or pattern of no use."""
-    prepared(job)
     with opened_ledger(job.out) as ledger:
         batch = Batch(job, runner, ledger, progress)
         return batch.rows(), batch.done
 
 
-def prepared(job: Job) -> None:
-    """With rig and pattern that can be read, and a folder to write to; else a `FileError`."""
+def check_inputs(job: Job) -> None:
+    """Raises `FileError` for a rig or a pattern that cannot be read."""
+    from retrue.files.patterns import read_pattern
+    from retrue.files.rigs import read_rig
+
     read_rig(job.rig)
     if job.pattern is not None:
-        from retrue.files.patterns import read_pattern
-
         read_pattern(job.pattern)
-    try:
-        job.out.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise FileError(job.out, f"cannot be made a folder: {error.strerror or error}") from error
 
 
 def _after(streak: Streak, number: int, row: Row, options: StreakOptions) -> Streak:
@@ -238,8 +243,8 @@ def _after(streak: Streak, number: int, row: Row, options: StreakOptions) -> Str
     return after_drifted(streak, Drifted(number, uncertainty), options)
 
 
-def _row(task: Look, result: Mapping[str, Any]) -> Row:
-    return Row(task.name, task.rig, result, str(result.get("failed") or result.get("lost") or ""))
+def _row(name: str, rig: Path, result: Mapping[str, Any]) -> Row:
+    return Row(name, rig, result, str(result.get("failed") or result.get("lost") or ""))
 
 
 def _row_with(row: Row, result: Mapping[str, Any]) -> Row:
@@ -248,4 +253,4 @@ def _row_with(row: Row, result: Mapping[str, Any]) -> Row:
 
 
 def _digest(values: Any) -> str:
-    return hashlib.sha256(json.dumps(values, sort_keys=True).encode()).hexdigest()
+    return hashlib.sha256(SORTED.encode(values).encode()).hexdigest()

@@ -14,12 +14,12 @@ from retrue.errors import FileError, InputError
 from retrue.files.atomic import read_text
 from retrue.files.images import SUFFIXES, natural_key
 from retrue.files.remote import Remote, is_address, listed
-from retrue.recalibration.options import RecalibrateOptions
+from retrue.recalibration.options import RecalibrateOptions, VerifyOptions
 from retrue.recalibration.streak import StreakOptions
-from retrue.recalibration.verify import VerifyOptions
 from retrue.reconstruction.options import ReconstructOptions
 
 LARGEST_JOB = 2**22  # bytes
+READ = (*sorted(SUFFIXES), ".csv")
 Do = Literal["verify", "recalibrate", "reconstruct"]
 Order = Literal["name", "time"]
 KEYS = {"rig", "pattern", "captures", "do", "out", "order", "lens", "limits"}
@@ -124,9 +124,9 @@ def _captures(path: Path, pattern: str, order: Order) -> tuple[tuple[Capture, ..
         raise FileError(path, f"captures: cannot be looked for: {error}") from error
     if not found:
         raise FileError(path, f"captures: expected pictures, folders or points CSVs, found none of the name {pattern}")
-    common = Path(os.path.commonpath([str(place.parent) for place in found]))
-    names = {place: place.relative_to(common).as_posix() for place in found}
-    ordered = sorted(found, key=lambda place: (natural_key(names[place]), names[place]))
+    common = os.path.commonpath({os.path.dirname(place) for place in found}).rstrip("/")  # noqa: PTH120
+    names = {place: place[len(common) :].removeprefix("/") for place in found}
+    ordered = sorted(found, key=lambda place: (natural_key(names[place]), place))
     if order == "time":
         times = {place: modified_at(found[place]) for place in found}
         ordered.sort(key=times.__getitem__)
@@ -146,19 +146,20 @@ def modified_at(capture: Capture) -> float:
         raise FileError(capture, f"cannot be read: {error.strerror or error}") from error
 
 
-def _on_disk(folder: Path, pattern: str) -> dict[Path, Capture]:
+def _on_disk(folder: Path, pattern: str) -> dict[str, Capture]:
+    """By path; strings, for there may be a hundred thousand."""
     found = [folder / name for name in glob.glob(pattern, root_dir=folder, recursive=True)]  # noqa: PTH207
-    return {place: place for place in found if place.is_dir() or _is_read(place)}
+    return {place.as_posix(): place for place in found if _is_read(place.name) or place.is_dir()}
 
 
-def _stored(pattern: str) -> dict[Path, Capture]:
+def _stored(pattern: str) -> dict[str, Capture]:
     """By the path within the store."""
-    found = {Path(remote.path): remote for remote in listed(pattern)}
+    found = {str(remote.path): remote for remote in listed(pattern)}
     return {place: remote for place, remote in found.items() if remote.folder or _is_read(place)}
 
 
-def _is_read(place: Path) -> bool:
-    return place.suffix.lower() in SUFFIXES | {".csv"}
+def _is_read(name: str) -> bool:
+    return name.lower().endswith(READ)
 
 
 def _limits(path: Path, table: Any, lens: Any) -> dict[str, dict[str, Any]]:

@@ -11,7 +11,7 @@ from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
-from retrue.batch.batch import Batch, Progress, prepared
+from retrue.batch.batch import Batch, Progress, check_inputs
 from retrue.batch.job import Job, modified_at
 from retrue.batch.ledger import opened_ledger
 from retrue.batch.runners import Runner
@@ -62,7 +62,7 @@ def rescan(
     entries = [entry for entry in standing if entry.restored is None]
     if not standing:
         raise InputError(f"{job.rig}: no history beside it: nobody knows which rig stood there when")
-    prepared(job)
+    check_inputs(job)
     with opened_ledger(job.out) as ledger:
         batch = Batch(job, runner, ledger, progress)
         times = {

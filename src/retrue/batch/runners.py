@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import time
 from collections import deque
-from collections.abc import Callable, Iterable, Iterator
-from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from concurrent.futures import FIRST_COMPLETED, CancelledError, Future, ProcessPoolExecutor, wait
 from concurrent.futures.process import BrokenProcessPool
 from contextlib import suppress
+from itertools import islice
 from queue import Empty, SimpleQueue
 from types import TracebackType
 from typing import Any, Protocol, TypeVar
@@ -135,33 +136,58 @@ class Dask:
         """As `Runner` says; Dask itself runs again what a worker that died was doing.
 
         A scheduler that died may come back within the half minute in which Dask looks for it, and is then given again
-        what was in flight. Else an `InputError` says so; what was done until then has been handed in.
+        what was in flight. Else an `InputError` says so; what was done until then has been handed in. Tasks go out and
+        results come in by the batch: one at a time they cost a client more than 64 workers leave it.
         """
-        waiting = iter(tasks)
-        flying: dict[str, T] = {}
+        waiting, again = iter(tasks), list[T]()
+        flying: dict[Any, T] = {}
         ended: SimpleQueue[Any] = SimpleQueue()
+        workers = 0
+        while True:
+            if len(flying) <= workers * AHEAD:
+                workers = self._workers() or workers or 1
+                batch = [*again, *islice(waiting, max(0, workers * (1 + AHEAD) - len(flying) - len(again)))]
+                again.clear()
+                futures: list[Any] = self._client.map(work, batch, pure=False) if batch else []
+                for task, future in zip(batch, futures, strict=True):
+                    flying[future] = task
+                    future.add_done_callback(ended.put)
+            if not flying:
+                return
+            futures = self._ended(ended)
+            results = self._results(futures)
+            for future in futures:
+                task = flying.pop(future)
+                if future in results:
+                    yield task, results[future]
+                else:  # it went with the scheduler
+                    again.append(task)
 
-        def submit(task: T | None) -> None:
-            if task is not None:
-                future: Any = self._client.submit(work, task, pure=False)
-                flying[future.key] = task
-                future.add_done_callback(ended.put)
+    def _workers(self) -> int:
+        """Threads of all workers that are there by now; 0 where there is none, or nobody says."""
+        self._await_scheduler()
+        with suppress(OSError):
+            return sum(self._client.nthreads().values())
+        return 0
 
-        threads: dict[str, int] = self._client.nthreads()
-        for _ in range(max(1, sum(threads.values())) * (1 + AHEAD)):
-            submit(next(waiting, None))
-        while flying:
-            future: Any = None
-            while future is None:
-                with suppress(Empty):
-                    future = ended.get(timeout=PAUSE)
-                self._await_scheduler()
-            task = flying.pop(future.key)
-            if future.status in ("finished", "error"):
-                submit(next(waiting, None))
-                yield task, future.result() if future.status == "finished" else lost(future.exception())
-            else:  # cancelled: it went with the scheduler
-                submit(task)
+    def _ended(self, ended: SimpleQueue[Any]) -> list[Any]:
+        """Futures that ended, at least one."""
+        futures: list[Any] = []
+        while not futures:
+            with suppress(Empty):
+                futures.append(ended.get(timeout=PAUSE))
+                while True:
+                    futures.append(ended.get_nowait())
+            self._await_scheduler()
+        return futures
+
+    def _results(self, futures: Sequence[Any]) -> dict[Any, dict[str, Any]]:
+        """Of those that ended by themselves; of all others there is none, as of all where the scheduler dies now."""
+        finished = [future for future in futures if future.status == "finished"]
+        results = {future: lost(future.exception()) for future in futures if future.status == "error"}
+        with suppress(OSError, CancelledError):
+            results |= zip(finished, self._client.gather(finished), strict=True)
+        return results
 
     def _await_scheduler(self) -> None:
         while self._client.status != "running":

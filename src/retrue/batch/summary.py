@@ -6,11 +6,13 @@ import csv
 import io
 import json
 from collections.abc import Sequence
+from io import FileIO
 from pathlib import Path
 from typing import Any
 
 from retrue.batch.batch import Row
 from retrue.files.atomic import replaced_file
+from retrue.files.file_lock import not_waiting
 
 COLUMNS = (
     "capture", "verdict", "correspondences", "epipolar_rms_px", "rotation_deg", "translation_deg", "length",
@@ -29,10 +31,8 @@ def write_summary(out: Path, rows: Sequence[Row]) -> None:
         stream.write(table.getvalue().encode(errors="surrogateescape"))
     for row in rows:
         if "verdict" in row.result:
-            said = {name: row.result[name] for name in VERIFICATION}
-            _keep_written(
-                out / "verify" / f"{row.name}.json", json.dumps(said | {"rig": str(row.rig)}).encode() + b"\n"
-            )
+            said = {name: row.result[name] for name in VERIFICATION} | {"rig": str(row.rig)}
+            _keep_written(out / f"verify/{row.name}.json", json.dumps(said).encode() + b"\n")
 
 
 def counts(rows: Sequence[Row]) -> dict[str, int]:
@@ -60,8 +60,9 @@ def values(row: Row) -> dict[str, Any]:
 def _keep_written(path: Path, content: bytes) -> None:
     """Without waiting for the disk: what a power cut takes is written by the next run."""
     try:
-        if path.read_bytes() == content:
-            return
+        with FileIO(path, opener=not_waiting) as stream:
+            if stream.read(len(content) + 1) == content:
+                return
     except OSError:
         path.parent.mkdir(parents=True, exist_ok=True)
     waiting = path.with_name(f".{path.name}.part")

@@ -7,14 +7,14 @@ from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
 from numbers import Integral
 from pathlib import Path
-from typing import cast
-
-import numpy as np
+from typing import TYPE_CHECKING, cast
 
 from retrue.errors import CaptureError, FileError, InputError, require_kind, require_kinds, require_path
 from retrue.files.atomic import read_bytes, replaced_file
 from retrue.files.image_header import PNG, ImageHeader, png_is_whole, read_image_header
-from retrue.geometry.arrays import Image
+
+if TYPE_CHECKING:
+    from retrue.geometry.arrays import Image
 
 SUFFIXES = frozenset({".png", ".jpg", ".jpeg", ".bmp", ".tif", ".tiff"})
 MAX_PIXELS = 200_000_000
@@ -144,6 +144,7 @@ def _checked_header(path: Path) -> ImageHeader:
 
 def _decoded(path: Path, header: ImageHeader, grey: bool) -> Image:
     import cv2
+    import numpy as np
 
     flags = cv2.IMREAD_ANYDEPTH | cv2.IMREAD_IGNORE_ORIENTATION
     flags |= cv2.IMREAD_GRAYSCALE if grey or header.channels == 1 else cv2.IMREAD_COLOR
@@ -165,6 +166,7 @@ def _decoded(path: Path, header: ImageHeader, grey: bool) -> Image:
 def jpeg(image: Image, quality: int = 85) -> bytes:
     """A grey or red-green-blue picture as JPEG, for whoever only looks at it."""
     import cv2
+    import numpy as np
 
     levels = image if image.dtype.name == "uint8" else (image // 257).astype(np.uint8)
     _, content = cv2.imencode(
@@ -183,6 +185,7 @@ def write_png(path: str | Path, image: Image) -> None:
     InputError : not such an array. `FileError` : the file cannot be written.
     """
     import cv2
+    import numpy as np
 
     path = require_path(path, "write_png(path, image)")
     require_kind(image, np.ndarray, "image")

@@ -28,5 +28,5 @@ def read_kept_points(path: Path) -> Correspondences:
             arrays = cast("dict[str, Any]", dict(held))
         arrays |= {name: tuple(arrays[name].tolist()) for name in SIZES if name in arrays}
         return Correspondences(**arrays)
-    except (OSError, ValueError, KeyError, TypeError, BadZipFile, EOFError) as error:
+    except (OSError, ValueError, KeyError, TypeError, RuntimeError, BadZipFile, EOFError) as error:
         raise FileError(path, f"cannot be read: {error}; remove it to decode again") from error

@@ -6,8 +6,7 @@ from collections.abc import Mapping
 from typing import Any, cast
 
 from retrue.errors import InputError
-from retrue.files.json_values import items, number, positive, required, whole_numbers
-from retrue.files.rig_json import shown
+from retrue.files.json_values import items, number, positive, required, shown, whole_numbers
 from retrue.patterns.line_grid import LineGrid, Lines
 
 MAX_COLORS = 256

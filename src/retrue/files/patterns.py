@@ -10,9 +10,8 @@ from typing import Any, cast
 from retrue.errors import FileError, InputError, require_kind, require_path
 from retrue.files.atomic import read_text, replaced_file
 from retrue.files.images import SUFFIXES, read_image
-from retrue.files.json_values import items, number, positive, required, whole, whole_numbers
+from retrue.files.json_values import items, number, parse_json, positive, required, shown, whole, whole_numbers
 from retrue.files.line_patterns import line_grid_spec, read_line_grid
-from retrue.files.rig_json import parse_json, shown
 from retrue.files.sequence_patterns import read_sequence, sequence_spec
 from retrue.patterns.color_grid import ColorGrid
 from retrue.patterns.gray_code import MAX_PROJECTOR_SIDE, ORDER, GrayCode

@@ -14,6 +14,10 @@ from typing import Any
 from retrue.errors import FileError, InputError
 
 
+class UnfetchedError(FileError):
+    """What a store did not give; another time it may."""
+
+
 @dataclass(frozen=True, slots=True)
 class Remote:
     """A file there, or a folder.
@@ -60,7 +64,7 @@ def listed(pattern: str) -> list[Remote]:
 
 @contextmanager
 def fetched(remote: Remote) -> Generator[Path]:
-    """A copy on this disk, under the same name, for as long as the block lasts. Raises `FileError`."""
+    """A copy on this disk, under the same name, for as long as the block lasts. Raises `UnfetchedError`."""
     with tempfile.TemporaryDirectory(prefix="retrue-") as folder:
         local = Path(folder) / remote.path.name
         try:
@@ -68,7 +72,7 @@ def fetched(remote: Remote) -> Generator[Path]:
             end = "/" if remote.folder else ""  # says that it is what lies within that is wanted
             store.get(f"{path}{end}", f"{local}{end}", recursive=remote.folder)
         except Exception as error:
-            raise FileError(remote.address, f"cannot be fetched: {_line(error)}") from error
+            raise UnfetchedError(remote.address, f"cannot be fetched: {_line(error)}") from error
         yield local
 
 

@@ -3,15 +3,14 @@
 from __future__ import annotations
 
 import json
-import math
-from collections import Counter
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Any, NoReturn, cast
+from typing import Any, cast
 
 import numpy as np
 
 from retrue.errors import FileError, InputError
+from retrue.files.json_values import kind_of, shown
 from retrue.geometry.arrays import FloatArray
 from retrue.geometry.camera import Camera
 from retrue.geometry.transform import RigidTransform
@@ -20,18 +19,6 @@ from retrue.rig import Rig
 RIG_FORMAT = "retrue-rig"
 VERSION = 1
 LONGEST_UNIT = 40  # characters
-LONGEST_SHOWN = 40
-
-
-def parse_json(path: Path, text: str) -> dict[str, Any]:
-    """The JSON object in `text`: strict, so no NaN, no infinity, no key twice; a `FileError` names `path`."""
-    try:
-        value = json.loads(text, parse_constant=_no_constant, parse_float=_finite, object_pairs_hook=_no_key_twice)
-    except (ValueError, RecursionError) as error:
-        raise FileError(path, f"expected JSON, found {error}") from error
-    if not isinstance(value, dict):
-        raise FileError(path, f"expected a JSON object, found {_kind(value)}")
-    return cast(dict[str, Any], value)
 
 
 def rig_from_json(path: Path, document: Mapping[str, Any]) -> Rig:
@@ -44,7 +31,7 @@ def rig_from_json(path: Path, document: Mapping[str, Any]) -> Rig:
         raise FileError(path, f'unit: expected the name of the unit of length, such as "mm", found {shown(unit)}')
     evidence = document.get("evidence", {})
     if not isinstance(evidence, dict):
-        raise FileError(path, f"evidence: expected an object, found {_kind(evidence)}")
+        raise FileError(path, f"evidence: expected an object, found {kind_of(evidence)}")
     camera = _camera(path, document, "camera")
     projector = _camera(path, document, "projector")
     pose = _object(path, document, "projector_from_camera")
@@ -94,7 +81,7 @@ def _camera(path: Path, document: Mapping[str, Any], key: str) -> Camera:
 def _object(path: Path, document: Mapping[str, Any], key: str) -> dict[str, Any]:
     value = _member(path, document, key)
     if not isinstance(value, dict):
-        raise FileError(path, f"{key}: expected an object, found {_kind(value)}")
+        raise FileError(path, f"{key}: expected an object, found {kind_of(value)}")
     return cast(dict[str, Any], value)
 
 
@@ -107,7 +94,7 @@ def _member(path: Path, document: Mapping[str, Any], key: str, name: str = "") -
 def _numbers(path: Path, members: Mapping[str, Any], key: str, name: str) -> FloatArray:
     value = _member(path, members, key, name)
     if not _is_numbers(value):
-        raise FileError(path, f"{name}: expected a list of numbers, found {_kind(value)}")
+        raise FileError(path, f"{name}: expected a list of numbers, found {kind_of(value)}")
     try:
         return np.array(value, dtype=np.float64)
     except (ValueError, OverflowError) as error:
@@ -118,44 +105,3 @@ def _is_numbers(value: Any, depth: int = 0) -> bool:
     if isinstance(value, list) and depth < 2:
         return all(_is_numbers(item, depth + 1) for item in cast(list[Any], value))
     return depth > 0 and isinstance(value, int | float) and not isinstance(value, bool)
-
-
-def shown(value: Any) -> str:
-    """A parsed value as JSON, cut so that it fits on the line of an error, and not written any further.
-
-    >>> shown([["a\\n"], 1e3, None]), len(shown([[0]] * 10**6))
-    ('[["a\\\\n"], 1000.0, null]', 40)
-    """
-    text = ""
-    for piece in json.JSONEncoder().iterencode(value):
-        text += piece
-        if len(text) > LONGEST_SHOWN:
-            return text[: LONGEST_SHOWN - 3] + "..."
-    return text
-
-
-def _no_constant(token: str) -> NoReturn:
-    raise ValueError(f"{token}, which is no number")
-
-
-def _finite(digits: str) -> float:
-    number = float(digits)
-    if not math.isfinite(number):
-        raise ValueError(f"{digits[:LONGEST_SHOWN]}, which is no finite number")
-    return number
-
-
-def _no_key_twice(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
-    members = dict(pairs)
-    if len(members) != len(pairs):
-        keys = [key for key, _ in pairs]
-        twice = next(key for key, count in Counter(keys).items() if count > 1)
-        raise ValueError(f"the key {twice[:LONGEST_SHOWN]!r} twice")
-    return members
-
-
-def _kind(value: object) -> str:
-    if value is None:
-        return "null"
-    kinds = {dict: "an object", list: "a list with other values", str: "a string", bool: "a truth value"}
-    return next((name for kind, name in kinds.items() if isinstance(value, kind)), "a number")

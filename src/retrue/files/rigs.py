@@ -19,8 +19,9 @@ from retrue.files.device_formats import (
     mrcal_text,
     ros_text,
 )
+from retrue.files.json_values import parse_json
 from retrue.files.nested_formats import Devices, devices_from_boofcv, devices_from_kalibr, is_boofcv, is_kalibr
-from retrue.files.rig_json import LONGEST_UNIT, RIG_FORMAT, parse_json, rig_from_json, rig_to_json
+from retrue.files.rig_json import LONGEST_UNIT, RIG_FORMAT, rig_from_json, rig_to_json
 from retrue.files.storage import Storage, Syntax, parse_storage, storage_text
 from retrue.files.tool_formats import (
     TOOL_FORMATS,

@@ -6,8 +6,7 @@ from collections.abc import Mapping
 from typing import Any, cast
 
 from retrue.errors import InputError
-from retrue.files.json_values import items, number, positive, required, text, whole
-from retrue.files.rig_json import shown
+from retrue.files.json_values import items, number, positive, required, shown, text, whole
 from retrue.patterns.gray_code import MAX_BITS, MAX_PROJECTOR_SIDE
 from retrue.patterns.layouts import LAYOUTS, layout_sequence
 from retrue.patterns.sequence import AXES, MOST_FRAMES, Frame, FrameSequence

@@ -18,7 +18,7 @@ from xml.etree import ElementTree
 import numpy as np
 
 from retrue.errors import FileError
-from retrue.files.rig_json import parse_json
+from retrue.files.json_values import parse_json
 from retrue.geometry.arrays import FloatArray
 
 Syntax = Literal["yaml", "xml", "json"]

@@ -11,9 +11,9 @@ from retrue.errors import FileError, InputError
 from retrue.files.atomic import read_text
 from retrue.files.history import read_history
 from retrue.files.history_entry import HistoryEntry
+from retrue.files.json_values import parse_json
 from retrue.files.models import MESH_ENDINGS, read_model
 from retrue.files.points import read_points
-from retrue.files.rig_json import parse_json
 from retrue.files.rigs import read_rig
 from retrue.geometry.transform import RigidTransform
 from retrue.reconstruction.cloud import Cloud, Mesh

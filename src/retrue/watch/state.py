@@ -10,7 +10,7 @@ from typing import Any, cast
 
 from retrue.errors import FileError
 from retrue.files.atomic import read_text, replaced_file
-from retrue.files.rig_json import parse_json
+from retrue.files.json_values import parse_json
 
 FORMAT = "retrue-watch"
 LARGEST_STATE = 16 * 2**20  # bytes
