@@ -205,4 +205,4 @@ def _require_alike(images: Sequence[Image], names: Sequence[str]) -> None:
 
 
 def _grey(image: Image) -> Image:
-    return image if image.ndim == 2 else cast(Image, cv2.cvtColor(image, cv2.COLOR_RGB2GRAY))
+    return np.ascontiguousarray(image if image.ndim == 2 else cast(Image, cv2.cvtColor(image, cv2.COLOR_RGB2GRAY)))
