@@ -1,4 +1,4 @@
-"""Stripes of a Gray code: lit pixels, codes, edges between stripes, and the sums that planes through them need."""
+"""Stripes of a Gray code: which pixels are lit, codes, edges between stripes, and the sums that planes through them need."""
 
 from __future__ import annotations
 
@@ -40,32 +40,12 @@ def light(
                 contrast[y, x] = c if c > 1 else 1
 
 
-def spans(wanted: cython.const[cython.uchar][:, ::1], gap: cython.Py_ssize_t, found: cython.int[:, ::1]) -> int:
-    """`found` (M, 3) <- row, first and one past the last column of each run of wanted pixels; how many.
-
-    Runs that less than `gap` pixels part are one. M must hold `width // gap + 1` a row.
-    """
-    cython.declare(y=cython.Py_ssize_t, x=cython.Py_ssize_t, count=cython.Py_ssize_t, last=cython.Py_ssize_t)
-    width: cython.Py_ssize_t = wanted.shape[1]
-    count = 0
-    with cython.nogil:
-        for y in range(wanted.shape[0]):
-            last = -gap - 1
-            for x in range(width):
-                if wanted[y, x]:
-                    if x - last > gap:
-                        found[count, 0], found[count, 1] = cython.cast(cython.int, y), cython.cast(cython.int, x)
-                        count += 1
-                    last = x
-                    found[count - 1, 2] = cython.cast(cython.int, x + 1)
-    return count
-
-
 def add_bit(
     pattern: cython.const[Pixel][:, ::1],
     inverse: cython.const[Pixel][:, ::1],
     runs: cython.const[cython.int][:, ::1],
     along: cython.Py_ssize_t,
+    room: Pixel[:, ::1],
     code: cython.short[:, ::1],
     first: Pixel[:, ::1],
     second: Pixel[:, ::1],
@@ -76,54 +56,52 @@ def add_bit(
 
     `code` <- twice itself and the bit; `first` and `second` <- the two smallest of |pattern - inverse| so far; `near`
     and `far` <- the largest of it, in a pixel and in its neighbour along the axis, of bits that differ between them.
+    `room` is (4, 513).
     """
     cython.declare(k=cython.Py_ssize_t, i=cython.Py_ssize_t, x=cython.Py_ssize_t, y=cython.Py_ssize_t)
-    cython.declare(stop=cython.Py_ssize_t, count=cython.Py_ssize_t, beside=cython.Py_ssize_t, p=cython.ushort, q=cython.ushort, m=cython.ushort)
-    margin = cython.declare(cython.ushort[513])
-    ahead = cython.declare(cython.ushort[513])
-    one = cython.declare(cython.ushort[513])
-    other = cython.declare(cython.ushort[513])
+    cython.declare(stop=cython.Py_ssize_t, count=cython.Py_ssize_t, beside=cython.Py_ssize_t, below=cython.Py_ssize_t)
     height: cython.Py_ssize_t = pattern.shape[0]
     width: cython.Py_ssize_t = pattern.shape[1]
     with cython.nogil:
         for k in range(runs.shape[0]):
             y, x, stop = runs[k, 0], runs[k, 1], runs[k, 2]
+            below = min(y + 1, height - 1)
             while x < stop:
                 count = min(CHUNK, stop - x)
-                beside = min(count + 1, width - x) if along == 1 else count
+                beside = min(count + 1, width - x)
                 for i in range(beside):
-                    p, q = pattern[y, x + i], inverse[y, x + i]
-                    margin[i] = p - q if p > q else q - p
-                    one[i] = p > q
-                if along == 0 and y + 1 < height:
-                    for i in range(count):
-                        p, q = pattern[y + 1, x + i], inverse[y + 1, x + i]
-                        ahead[i] = p - q if p > q else q - p
-                        other[i] = p > q
-                for i in range(count):
-                    m = margin[i]
-                    p, q = first[y, x + i], second[y, x + i]
-                    m = m if m > p else p
-                    second[y, x + i] = m if m < q else q
-                for i in range(count):
-                    m, p = margin[i], first[y, x + i]
-                    first[y, x + i] = m if m < p else p
-                for i in range(count):
-                    code[y, x + i] = (code[y, x + i] << 1) | ((code[y, x + i] & 1) ^ one[i])
+                    room[0, i] = max(pattern[y, x + i], inverse[y, x + i]) - min(pattern[y, x + i], inverse[y, x + i])
+                for i in range(beside):
+                    room[1, i] = pattern[y, x + i] > inverse[y, x + i]
                 if along == 1:
                     for i in range(beside - 1):
-                        m, p = (margin[i] if one[i] != one[i + 1] else 0), near[y, x + i]
-                        near[y, x + i] = m if m > p else p
+                        room[2, i] = room[0, i + 1]
                     for i in range(beside - 1):
-                        m, p = (margin[i + 1] if one[i] != one[i + 1] else 0), far[y, x + i]
-                        far[y, x + i] = m if m > p else p
-                elif y + 1 < height:
+                        room[3, i] = room[1, i] ^ room[1, i + 1]
+                    beside -= 1
+                else:
                     for i in range(count):
-                        m, p = (margin[i] if one[i] != other[i] else 0), near[y, x + i]
-                        near[y, x + i] = m if m > p else p
+                        p, q = pattern[below, x + i], inverse[below, x + i]
+                        room[2, i] = max(p, q) - min(p, q)
                     for i in range(count):
-                        m, p = (ahead[i] if one[i] != other[i] else 0), far[y, x + i]
-                        far[y, x + i] = m if m > p else p
+                        room[3, i] = room[1, i] ^ (pattern[below, x + i] > inverse[below, x + i])
+                    beside = count
+                for i in range(count):
+                    code[y, x + i] = (code[y, x + i] << 1) | ((code[y, x + i] & 1) ^ room[1, i])
+                for i in range(count):
+                    room[1, i] = max(room[0, i], first[y, x + i])
+                for i in range(count):
+                    second[y, x + i] = min(room[1, i], second[y, x + i])
+                for i in range(count):
+                    first[y, x + i] = min(room[0, i], first[y, x + i])
+                for i in range(beside):
+                    room[0, i] = room[0, i] & -room[3, i]
+                for i in range(beside):
+                    room[2, i] = room[2, i] & -room[3, i]
+                for i in range(beside):
+                    near[y, x + i] = max(room[0, i], near[y, x + i])
+                for i in range(beside):
+                    far[y, x + i] = max(room[2, i], far[y, x + i])
                 x += count
 
 
@@ -143,6 +121,7 @@ def find_edges(
     contrast: cython.const[cython.float][:, ::1],
     noise: cython.const[cython.float][:, ::1],
     good: cython.const[cython.uchar][:, ::1],
+    columns: tuple[cython.Py_ssize_t, cython.Py_ssize_t],
     along: cython.Py_ssize_t,
     share: cython.float,
     steepest: cython.float,
@@ -151,7 +130,8 @@ def find_edges(
 ) -> int:
     """`place` (M,) <- flat index of the first pixel of each edge; `seen` (3, M) <- weight, fraction, value; how many.
 
-    Between good neighbours one stripe apart, where contrast is steady between them and beside them. With margins as
+    Indices are into the columns from the first to before the second of `columns`, of which all good pixels are. Between
+    good neighbours one stripe apart, where contrast is steady between them and beside them. With margins as
     `add_bit` has them, each relative to its own pixel's contrast, the edge is where they balance; its weight is 1 over
     1 + (noise / (`share` of both margins))^2.
     """
@@ -160,11 +140,13 @@ def find_edges(
     cython.declare(dy=cython.Py_ssize_t, dx=cython.Py_ssize_t)
     height: cython.Py_ssize_t = code.shape[0]
     width: cython.Py_ssize_t = code.shape[1]
+    start: cython.Py_ssize_t = columns[0]
+    stop: cython.Py_ssize_t = columns[1]
     dy, dx = (1, 0) if along == 0 else (0, 1)
     count = 0
     with cython.nogil:
         for y in range(height - dy):
-            for x in range(width - dx):
+            for x in range(start, min(stop, width - dx)):
                 v, u = y + dy, x + dx
                 if not (good[y, x] & good[v, u]):
                     continue
@@ -184,7 +166,7 @@ def find_edges(
                 a, b = near[y, x], far[y, x]
                 s = (a + b) * share
                 s = s * s
-                place[count] = cython.cast(cython.int, y * width + x)
+                place[count] = cython.cast(cython.int, y * (stop - start) + x - start)
                 seen[0, count] = s / (s + noise[y, x] * noise[y, x])
                 a, b = a * contrast[v, u], b * contrast[y, x]
                 seen[1, count] = a / (a + b + TINY)
@@ -299,24 +281,29 @@ def accept(
     planes: cython.const[cython.float][:, :, ::1],
     sure: cython.const[cython.uchar][:, ::1],
     even: cython.const[cython.uchar][:, ::1],
+    columns: tuple[cython.Py_ssize_t, cython.Py_ssize_t],
     cell: cython.Py_ssize_t,
     along: cython.Py_ssize_t,
     farthest: cython.float,
     certain: cython.uchar[:, ::1],
     smooth: cython.uchar[:, ::1],
 ) -> None:
-    """`certain`, `smooth` stay where the cell is `sure`, is `even` and holds the pixel's own code within `farthest`."""
+    """`certain`, `smooth` stay where the cell is `sure`, is `even` and holds the pixel's own code within `farthest`.
+
+    The cells begin at the first of `columns`; none is looked at from the second on.
+    """
     cython.declare(y=cython.Py_ssize_t, x=cython.Py_ssize_t, r=cython.Py_ssize_t, c=cython.Py_ssize_t)
     cython.declare(a=cython.float, b=cython.float, i=cython.float, j=cython.float)
     middle: cython.float = (cell - 1) / cython.cast(cython.float, 2)
+    start: cython.Py_ssize_t = columns[0]
     with cython.nogil:
         for y in range(code.shape[0]):
             r = y // cell
             j = cython.cast(cython.float, y - r * cell) - middle
-            for x in range(code.shape[1]):
+            for x in range(start, columns[1]):
                 if certain[y, x] | smooth[y, x]:
-                    c = x // cell
-                    i = cython.cast(cython.float, x - c * cell) - middle
+                    c = (x - start) // cell
+                    i = cython.cast(cython.float, x - start - c * cell) - middle
                     a, b = (i, j) if along == 1 else (j, i)
                     a = planes[0, r, c] + planes[1, r, c] * a + planes[2, r, c] * b
                     certain[y, x] &= sure[r, c]

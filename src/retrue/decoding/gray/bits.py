@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from retrue.geometry.arrays import BoolArray, Image
+from retrue.kernels import pixels
 from retrue.kernels import stripes as kernel
 
 CodeImage = NDArray[np.int16]
@@ -16,6 +17,10 @@ Runs = NDArray[np.int32]
 """(M, 3): row, first and one past the last column of runs of pixels."""
 SHORTEST_GAP = 32
 """Pixels: runs that less parts are one."""
+RUNS_AT_A_TIME = 64
+"""So that what is known of their pixels stays in the processor's cache from bit to bit."""
+ROOM = 513
+"""What the kernel takes at a time, and one more."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -49,8 +54,11 @@ def decode_axis(
     runs = runs_of(np.ones(shape, np.bool_) if where is None else where)
     first, second = (np.full(shape, np.iinfo(dtype).max, dtype) for _ in range(2))
     code, near, far = np.zeros(shape, np.int16), np.zeros(shape, dtype), np.zeros(shape, dtype)
-    for pattern, inverse in zip(patterns, inverses, strict=True):
-        kernel.add_bit(pattern, inverse, runs, along, code, first, second, near, far)
+    room = np.empty((4, ROOM), dtype)
+    for start in range(0, len(runs), RUNS_AT_A_TIME):
+        part = runs[start : start + RUNS_AT_A_TIME]
+        for pattern, inverse in zip(patterns, inverses, strict=True):
+            kernel.add_bit(pattern, inverse, part, along, room, code, first, second, near, far)
     return AxisCode(code, second, near, far)
 
 
@@ -58,7 +66,7 @@ def runs_of(where: BoolArray) -> Runs:
     """The runs of pixels that hold all of those."""
     height, width = where.shape
     found = np.empty((height * (width // SHORTEST_GAP + 1), 3), np.int32)
-    return found[: kernel.spans(where.view(np.uint8), SHORTEST_GAP, found)]
+    return found[: pixels.spans(where.view(np.uint8), SHORTEST_GAP, found)]
 
 
 def neighbours(along: int) -> tuple[tuple[slice, slice], tuple[slice, slice]]:

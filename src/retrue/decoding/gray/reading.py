@@ -10,7 +10,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from retrue.decoding.gray.bits import AxisCode, decode_axis
+from retrue.decoding.gray.bits import decode_axis
 from retrue.decoding.gray.plan import MAX_CELL, UNDECIDED, Plan
 from retrue.decoding.gray.sequence import GraySequence
 from retrue.decoding.gray.stripe_edges import PlaneFit, find_edges, fit_planes
@@ -161,19 +161,20 @@ def _read(depth: Depth, rows: range, wanted: BoolArray | None) -> _Reading:
     fits: list[PlaneFit] = []
     columns = _filled_columns(inside)
     for axis, along, cell in zip(axes, plan.along, plan.cells, strict=True) if inside.any() else ():
-        code, near, far, light, noise_here, good = (
-            np.ascontiguousarray(image[:, columns])
-            for image in (axis.code, axis.near, axis.far, contrast, noise, inside)
-        )
-        cut = AxisCode(code, axis.second_margin, near, far)
-        fit = fit_planes(find_edges(cut, light, noise_here, good, along, cell), along)
+        fit = fit_planes(find_edges(axis, contrast, noise, inside, columns, along, cell), along)
         fits.append(fit)
-        sure, even = fit.variance < LARGEST_SIGMA**2, fit.mean_square < LARGEST_RESIDUAL**2
-        masks = [np.ascontiguousarray(mask[:, columns]).view(np.uint8) for mask in (certain, smooth)]
         kernel.accept(
-            code, fit.planes, sure.view(np.uint8), even.view(np.uint8), cell, along, FARTHEST_CODE, *masks
+            axis.code,
+            fit.planes,
+            (fit.variance < LARGEST_SIGMA**2).view(np.uint8),
+            (fit.mean_square < LARGEST_RESIDUAL**2).view(np.uint8),
+            (columns.start, columns.stop),
+            cell,
+            along,
+            FARTHEST_CODE,
+            certain.view(np.uint8),
+            smooth.view(np.uint8),
         )
-        certain[:, columns], smooth[:, columns] = masks
     return _Reading(
         lit[inner],
         agreed[inner],

@@ -39,7 +39,7 @@ class Edges:
 
     Attributes
     ----------
-    shape : (height, width) of the band.
+    shape : (height, width) of the band's columns that were looked at.
     cell : side of a cell in pixels.
     place : (N,) flat index of the first of the two pixels, ascending.
     seen : (3, N) weight, 1 for an edge that noise does not disturb; position between the two pixels, 0 .. 1; n + 1/2.
@@ -76,14 +76,14 @@ class PlaneFit:
 
 
 def find_edges(
-    axis: AxisCode, contrast: FloatImage, noise: FloatImage, good: BoolArray, along: int, cell: int
+    axis: AxisCode, contrast: FloatImage, noise: FloatImage, good: BoolArray, columns: slice, along: int, cell: int
 ) -> Edges:
     """Edges between neighbours that are both good and one stripe apart.
 
-    `contrast` is white - black and `noise` the standard deviation of pattern - inverse, both (height, width).
+    `contrast` is white - black and `noise` the standard deviation of pattern - inverse, both (height, width); all good
+    pixels are in `columns`.
     The difference of pattern and inverse is taken relative to the contrast, so that albedo does not shift the edge.
     """
-    height, width = axis.code.shape
     most = int(np.count_nonzero(good))
     place, seen = np.empty(most, np.int32), np.empty((3, most), np.float32)
     count = kernel.find_edges(
@@ -93,13 +93,14 @@ def find_edges(
         contrast,
         noise,
         good.view(np.uint8),
+        (columns.start, columns.stop),
         along,
         EDGE_SIGMA,
         STEEPEST_CONTRAST,
         place,
         seen,
     )
-    return Edges((height, width), cell, place[:count], seen[:, :count].copy())
+    return Edges((good.shape[0], columns.stop - columns.start), cell, place[:count], seen[:, :count].copy())
 
 
 def fit_planes(edges: Edges, along: int) -> PlaneFit:

@@ -20,6 +20,7 @@ from retrue.decoding.sequence.read_sines import REASONS as SINE_REASONS
 from retrue.decoding.sequence.read_sines import plan_sines, read_sines
 from retrue.errors import CaptureError
 from retrue.geometry.arrays import FloatArray, Image
+from retrue.kernels import pixels as kernel
 from retrue.patterns.gray_code import GrayCode
 from retrue.patterns.sequence import FrameSequence
 
@@ -162,18 +163,19 @@ def _assemble(
     cells, colors = np.empty((total, 2), np.int64), np.empty((total, 3), np.uint8)
     light = np.empty(total)
 
+    colors_seen = sequence.color.reshape(height * width, *sequence.color.shape[2:])
+    white, black = sequence.white.reshape(-1), sequence.black.reshape(-1)
+
     def fill(band: Points, rows: range, end: int) -> None:
         part = slice(end - len(band.pixels), end)
-        y, x = np.divmod(band.pixels, width)
-        y += rows.start
-        cells[part, 0], cells[part, 1] = y, x
-        camera_px[part, 0], camera_px[part, 1] = x, y
+        flat = np.empty_like(band.pixels)
+        kernel.places(band.pixels, width, rows.start, flat, cells[part], camera_px[part])
         for axis in range(2):
             projector_px[part, axis] = band.projector_px.get(axis, np.nan)
         sigma_px[part] = band.sigma_px
-        seen = sequence.color[y, x]
+        seen = np.take(colors_seen, flat, axis=0)
         if band.light is None:
-            np.subtract(sequence.white[y, x], sequence.black[y, x], out=light[part], dtype=np.float64)
+            np.subtract(np.take(white, flat), np.take(black, flat), out=light[part], dtype=np.float64)
             light[part][saturated(seen)] = np.nan
         else:
             light[part] = band.light
@@ -181,7 +183,7 @@ def _assemble(
         colors[part] = seen[:, None] if seen.ndim == 1 else seen
 
     list(threads.map(fill, bands, rows, ends.tolist()))
-    for array in (camera_px, projector_px, sigma_px, light):
+    for array in (camera_px, projector_px, sigma_px, light, cells, colors):
         array.setflags(write=False)
     return Correspondences(
         camera_px,
