@@ -191,13 +191,16 @@ def _read(depth: Depth, rows: range, wanted: BoolArray | None) -> _Reading:
 
 def _around(wanted: BoolArray, above: int, height: int, halo: int) -> BoolArray:
     """Every pixel of `height` rows, of which `wanted` begins `above` rows down, that may change a wanted one."""
-    spread = np.zeros((-(-height // MAX_CELL) + 1, -(-wanted.shape[1] // MAX_CELL)), np.uint8)
-    y, x = np.nonzero(wanted)
-    spread[(y + above) // MAX_CELL, x // MAX_CELL] = 1
+    width = wanted.shape[1]
+    blocks = -(-height // MAX_CELL), -(-width // MAX_CELL)
+    padded = np.zeros((blocks[0] * MAX_CELL, blocks[1] * MAX_CELL), np.bool_)
+    padded[above : above + len(wanted), :width] = wanted
+    words = padded.view(np.uint64).reshape(blocks[0], MAX_CELL, blocks[1], -1)
+    spread = (np.bitwise_or.reduce(words, axis=(1, 3)) > 0).view(np.uint8)
     reach = -(-halo // MAX_CELL)
     spread = cv2.dilate(spread, np.ones((2 * reach + 1, 2 * reach + 1), np.uint8))
     whole = np.repeat(np.repeat(spread, MAX_CELL, axis=0), MAX_CELL, axis=1)
-    return whole[:height, : wanted.shape[1]].view(np.bool_)
+    return whole[:height, :width].view(np.bool_)
 
 
 def _filled_columns(inside: BoolArray) -> slice:

@@ -131,7 +131,7 @@ def decode_arranged(sequence: ArrangedSequence) -> Correspondences:
             if len(depths) > 1:
                 details["points_by_bits_left_out"] = depths
         if sine_axes:
-            noise, plans = plan_sines(sequence, sine_axes)
+            noise, plans = plan_sines(sequence, sine_axes, threads)
             details |= {"noise_floor": noise.floor, "noise_gain": noise.gain}
             sines = read_sines(sequence, noise, plans, rows, threads)
             read.append([Points(b.pixels, b.projector_px, b.sigma_px, b.light, b.seen, b.rejected) for b in sines])
