@@ -155,12 +155,16 @@ def find_edges(
                     continue
                 if not _steady(contrast[y, x], contrast[v, u], noise[y, x], steepest):
                     continue
-                if y >= dy and x >= dx and not _steady(
-                    contrast[y - dy, x - dx], contrast[y, x], noise[y - dy, x - dx], steepest
+                if (
+                    y >= dy
+                    and x >= dx
+                    and not _steady(contrast[y - dy, x - dx], contrast[y, x], noise[y - dy, x - dx], steepest)
                 ):
                     continue
-                if v + dy < height and u + dx < width and not _steady(
-                    contrast[v, u], contrast[v + dy, u + dx], noise[v, u], steepest
+                if (
+                    v + dy < height
+                    and u + dx < width
+                    and not _steady(contrast[v, u], contrast[v + dy, u + dx], noise[v, u], steepest)
                 ):
                     continue
                 a, b = near[y, x], far[y, x]
@@ -313,7 +317,7 @@ def accept(
 def coordinates(
     pixels: cython.const[cython.Py_ssize_t][::1],
     planes: cython.const[cython.float][:, :, ::1],
-    variance: cython.const[cython.float][:, ::1],
+    error: cython.const[cython.float][:, ::1],
     frame: tuple[cython.Py_ssize_t, cython.Py_ssize_t, cython.Py_ssize_t],
     cell: cython.Py_ssize_t,
     along: cython.Py_ssize_t,
@@ -322,7 +326,8 @@ def coordinates(
     px: cython.double[::1],
     found: cython.float[::1],
 ) -> None:
-    """`px` (N,) <- (n + `centre`) `step` - 1/2 with n of the cell's plane at those pixels; `found` <- its variance.
+    """`px` (N,) <- (n + `centre`) `step` - 1/2 with n of the cell's plane at those pixels; `found` <- its
+    mean square error.
 
     `pixels` are flat indices into a band; `frame`: its width, and which of its rows and columns the cells begin at,
     rows counted upwards.
@@ -343,4 +348,4 @@ def coordinates(
             a, b = (a, b) if along == 1 else (b, a)
             a = planes[0, r, c] + planes[1, r, c] * a + planes[2, r, c] * b
             px[k] = (a + centre) * step - 0.5
-            found[k] = variance[r, c]
+            found[k] = error[r, c]

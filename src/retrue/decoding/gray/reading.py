@@ -13,18 +13,16 @@ from numpy.typing import NDArray
 from retrue.decoding.gray.bits import decode_axis
 from retrue.decoding.gray.plan import MAX_CELL, UNDECIDED, Plan
 from retrue.decoding.gray.sequence import GraySequence
-from retrue.decoding.gray.stripe_edges import PlaneFit, find_edges, fit_planes
+from retrue.decoding.gray.stripe_edges import LARGEST_SIGMA, PlaneFit, find_edges, fit_planes
 from retrue.geometry.arrays import BoolArray, FloatArray, Image
 from retrue.kernels import stripes as kernel
 
 LARGEST_RESIDUAL = 0.25
 """Stripes, RMS: edges that scatter more about their plane belong to several surfaces, or to none."""
-LARGEST_SIGMA = 0.05
-"""Stripes: above it, too few edges, or all of them to one side."""
 FARTHEST_CODE = 0.75
 """Stripes: a pixel's own code is within half a stripe of the plane, and a little for noise."""
-SYSTEMATIC_SIGMA = 0.02
-"""Stripes: what the lens, JPEG and the surface leave, however many edges there are."""
+SYSTEMATIC_SIGMA = 0.005
+"""Stripes: what lens and camera leave, however many edges there are and however flat the surface."""
 
 HALO_CELLS = 8
 """How many cells away a picture can still change a point: the window, the edges beside it, and their own window."""
@@ -223,7 +221,7 @@ def _coordinates(depth: Depth, reading: _Reading, pixels: NDArray[np.intp]) -> t
         kernel.coordinates(
             pixels,
             fit.planes,
-            fit.variance,
+            fit.error,
             (reading.lit.shape[1], reading.above, reading.left),
             fit.cell,
             fit.along,
