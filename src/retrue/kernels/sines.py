@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import cython
-from cython.cimports.libc.math import fabsf, sqrt, sqrtf
+from cython.cimports.libc.math import fabs, sqrt
 
 INFINITY = cython.declare(cython.float, float("inf"))
 TURN = cython.declare(cython.float, 6.283185307179586)
@@ -129,9 +129,9 @@ def refine(
             known[0, p], known[1, p] = x, own
         if judged:
             for p in range(phase.shape[0]):
-                sigma, r = sqrtf(missed[1, p]), reach[0 if even else p]
+                sigma, r = sqrt(missed[1, p]), reach[0 if even else p]
                 near, far = r + limits[0] * sigma, period - r - limits[1] * sigma
-                flags[0, p] &= fabsf(missed[0, p]) <= (near if near < far else far)
+                flags[0, p] &= fabs(missed[0, p]) <= (near if near < far else far)
                 flags[1, p] |= limits[2] * sigma > period
 
 
@@ -152,7 +152,7 @@ def keep_within(
             x = known[0, p]
             x = x + cycle if x < -0.5 else x
             x = x - cycle if x > side - cython.cast(cython.float, 0.5) and x - cycle >= -0.5 else x
-            margin = sigmas * sqrtf(known[1, p])
+            margin = sigmas * sqrt(known[1, p])
             known[0, p] = x
             trusted[p] &= (x + cycle > side - cython.cast(cython.float, 0.5) + margin) & (
                 x - cycle < -cython.cast(cython.float, 0.5) - margin
@@ -167,7 +167,7 @@ def find_steps(
     sigmas: cython.float,
     flat: cython.uchar[:, ::1],
 ) -> None:
-    """`flat` <- 0 where two opposite neighbours, both good, differ by more than `step` and so many sigmas of a pixel."""
+    """`flat` <- 0 where two opposite neighbours, both good, differ by more than `step` and so many sigmas."""
     cython.declare(y=cython.Py_ssize_t, x=cython.Py_ssize_t, limit=cython.float)
     height: cython.Py_ssize_t = px.shape[0]
     width: cython.Py_ssize_t = px.shape[1]
@@ -175,11 +175,11 @@ def find_steps(
         for y in range(height):
             for x in range(width):
                 if good[y, x]:
-                    limit = step + sigmas * sqrtf(variance[y, x])
+                    limit = step + sigmas * sqrt(variance[y, x])
                     if 0 < x < width - 1 and good[y, x - 1] & good[y, x + 1]:
-                        flat[y, x] &= not fabsf(px[y, x + 1] - px[y, x - 1]) > limit
+                        flat[y, x] &= not fabs(px[y, x + 1] - px[y, x - 1]) > limit
                     if 0 < y < height - 1 and good[y - 1, x] & good[y + 1, x]:
-                        flat[y, x] &= not fabsf(px[y + 1, x] - px[y - 1, x]) > limit
+                        flat[y, x] &= not fabs(px[y + 1, x] - px[y - 1, x]) > limit
 
 
 def spread(
@@ -190,7 +190,7 @@ def spread(
     images: cython.float[:, ::1],
     masks: cython.uchar[:, ::1],
 ) -> None:
-    """Into pixels of `images` (3, ...), coordinate, variance and modulation, and of `masks`, one for each of `flags`."""
+    """Into those pixels: `images` (3, ...) coordinate, variance and modulation; `masks`, one for each of `flags`."""
     cython.declare(k=cython.Py_ssize_t, m=cython.Py_ssize_t, p=cython.Py_ssize_t)
     with cython.nogil:
         for k in range(pixels.shape[0]):

@@ -1,9 +1,9 @@
-"""Stripes of a Gray code: which pixels are lit, codes, edges between stripes, and the sums that planes through them need."""
+"""Stripes of a Gray code: lit pixels, codes, edges between stripes, and the sums for planes through these."""
 
 from __future__ import annotations
 
 import cython
-from cython.cimports.libc.math import fabsf, sqrtf
+from cython.cimports.libc.math import fabs, sqrt
 
 LEAST_NOISE = cython.declare(cython.float, 0.5)  # variance that rounding leaves of a difference
 CHUNK = cython.declare(cython.Py_ssize_t, 512)  # pixels of a row that stay in the processor's first cache
@@ -33,7 +33,7 @@ def light(
             for x in range(width):
                 w, b = white[y, x], black[y, x]
                 v = gain * (w + b)
-                v = sqrtf(v if v > LEAST_NOISE else LEAST_NOISE)
+                v = sqrt(v if v > LEAST_NOISE else LEAST_NOISE)
                 c = w - b
                 noise[y, x] = v
                 lit[y, x] = c > 2 * (v * sigmas)
@@ -111,7 +111,7 @@ def add_bit(
 @cython.exceptval(check=False)
 def _steady(here: cython.float, there: cython.float, noise: cython.float, steepest: cython.float) -> cython.bint:
     """Whether contrast hardly changes from a pixel to the next."""
-    return fabsf(there - here) <= steepest * (there if there < here else here) + 3 * noise
+    return fabs(there - here) <= steepest * (there if there < here else here) + 3 * noise
 
 
 def find_edges(
@@ -311,7 +311,7 @@ def accept(
                     a, b = (i, j) if along == 1 else (j, i)
                     a = planes[0, r, c] + planes[1, r, c] * a + planes[2, r, c] * b
                     certain[y, x] &= sure[r, c]
-                    smooth[y, x] &= even[r, c] & (fabsf(code[y, x] - a) < farthest)
+                    smooth[y, x] &= even[r, c] & (fabs(code[y, x] - a) < farthest)
 
 
 def coordinates(

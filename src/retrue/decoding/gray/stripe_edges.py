@@ -130,7 +130,7 @@ def fit_planes(edges: Edges, along: int) -> PlaneFit:
     value -= slope_x * x + slope_y * y
     lever = (yy * (x * x) - 2 * xy * (x * y) + xx * (y * y)) / determinant
 
-    planes = np.stack([value, slope_x, slope_y])
+    planes = np.stack([value, slope_x, slope_y], dtype=np.float32)
     own = np.zeros((3, *edges.cells), np.float32)
     kernel.misses(edges.place, edges.seen, planes, width, cell, along, room, own)
     window = _kernel(cell, 0)
@@ -152,13 +152,13 @@ def _bow(value: FloatImage, slope: FloatImage, known: BoolArray, axis: int) -> F
     """
     total, count = np.zeros_like(value), np.zeros_like(value)
     for side in (-1, 1):
-        there, both = (np.roll(image, -side * BOW_REACH, axis) for image in (value, known))
-        both &= known
+        there = np.roll(value, -side * BOW_REACH, axis)
+        both = known & np.roll(known, -side * BOW_REACH, axis)
         over = slice(-BOW_REACH, None) if side > 0 else slice(None, BOW_REACH)
         both[(slice(None),) * axis + (over,)] = False
         total += np.where(both, there - value - np.float32(side * BOW_REACH) * slope, np.float32(0))
         count += both
-    return total * (np.float32((WINDOW_SIGMA / BOW_REACH) ** 2) / np.maximum(count, 1))
+    return cast(FloatImage, total * (np.float32((WINDOW_SIGMA / BOW_REACH) ** 2) / np.maximum(count, np.float32(1))))
 
 
 def _windowed(own: dict[str, FloatImage], cell: int, along: int) -> dict[str, FloatImage]:

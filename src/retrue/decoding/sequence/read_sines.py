@@ -198,10 +198,9 @@ def _read_axis(sequence: ArrangedSequence, plan: AxisPlan, noise: Noise) -> _Axi
     images, masks = np.zeros((3, *may.shape), np.float32), np.zeros((4, *may.shape), np.uint8)
     kernel.spread(pixels, found.known, finest.modulation, flags, images.reshape(3, -1), masks.reshape(4, -1))
     told = (flags[2] & ~flags[3]).view(np.bool_)
-    trusted_at, risky, lit, saturated = masks.view(np.bool_)
-    px, variance, modulation = images
+    of = masks.view(np.bool_)
     return _AxisReading(
-        trusted_at, risky, lit, saturated, px, variance, modulation, told, found.missed, found.allowed, coarse.phase
+        of[0], of[1], of[2], of[3], images[0], images[1], images[2], told, found.missed, found.allowed, coarse.phase
     )
 
 
@@ -248,11 +247,9 @@ def _ripples(
             own = demodulate([sample.pictures[index] for index in sine.pictures], sine, noise)
             lit = (own.variance < LIT_VARIANCE) & ~own.saturated
             parts = lit.shape[axis] // min(SAMPLE_ROWS, lit.shape[axis])
-            phases, variances, modulations, masks = (
-                np.array_split(image, parts, axis) for image in (own.phase, own.variance, own.modulation, lit)
-            )
-            for phase, variance, modulation, mask in zip(phases, variances, modulations, masks, strict=True):
-                seen.append((Wrapped(own.period_px, phase, variance, modulation, mask), mask))
+            images = [np.array_split(image, parts, axis) for image in (own.phase, own.variance, own.modulation)]
+            for mask, *cut in zip(np.array_split(lit, parts, axis), *images, strict=True):
+                seen.append((Wrapped(own.period_px, *cut, saturated=mask), mask))
         ripples.append(measure_ripple(seen, len(sine.pictures)) if seen else 0j)
     return tuple(ripples)
 
