@@ -15,9 +15,10 @@ from retrue.decoding.gray.decode_gray_code import band_rows, read_gray
 from retrue.decoding.gray.faults import CAPTURE
 from retrue.decoding.gray.sequence import gray_sequence
 from retrue.decoding.light import saturated
-from retrue.decoding.sequence.arrange import ArrangedSequence, arrange
+from retrue.decoding.sequence.arrange import ArrangedSequence, arrange, frames_of, scene_lights
 from retrue.decoding.sequence.read_sines import REASONS as SINE_REASONS
 from retrue.decoding.sequence.read_sines import plan_sines, read_sines
+from retrue.decoding.sequence.sine_faults import SineFault, find_sine_fault
 from retrue.errors import CaptureError
 from retrue.geometry.arrays import FloatArray, Image
 from retrue.kernels import pixels as kernel
@@ -68,12 +69,16 @@ def decode_pictures(
     """
     try:
         sequence = arrange(pattern, images, names)
+        if (fault := find_sine_fault(sequence.spec, sequence.pictures, sequence.names)) is not None:
+            return _read_all_the_same(sequence, fault)
         return decode_arranged(sequence), sequence
     except CaptureError as error:
         if len({image.shape[:2] for image in images}) != 1 or len({image.dtype for image in images}) != 1:
             raise
         from retrue.decoding.sequence.diagnosis import diagnose
 
+        if not any(pattern_frame.code == "gray" for pattern_frame in frames_of(pattern, len(images)) or ()):
+            raise
         found = diagnose(pattern, images, names)
         if found is None:
             raise
@@ -93,6 +98,28 @@ def decode_pictures(
             details={**points.card.details, "read_all_the_same": list(found.causes), **found.figures},
         )
         return replace(points, card=card), found.sequence
+
+
+def _read_all_the_same(sequence: ArrangedSequence, fault: SineFault) -> tuple[Correspondences, ArrangedSequence]:
+    """With the order, and without the share of the picture before, that were found; raises where that cannot be."""
+    what = "; ".join(fault.causes)
+    if fault.spec is None:
+        raise CaptureError(CAPTURE, what)
+    pictures = sequence.pictures
+    if fault.share:
+        from retrue.decoding.sequence.diagnosis import without_light_faults
+
+        pictures = without_light_faults(pictures, np.ones(len(pictures)), fault.share)
+    white, black, _ = scene_lights(fault.spec, pictures, pictures)
+    sequence = replace(sequence, spec=fault.spec, pictures=pictures, white=white, black=black)
+    points = decode_arranged(sequence)
+    assert points.card is not None
+    card = replace(
+        points.card,
+        advice=(f"read all the same: {what}", *points.card.advice),
+        details={**points.card.details, "read_all_the_same": list(fault.causes), **fault.figures},
+    )
+    return replace(points, card=card), sequence
 
 
 @dataclass(frozen=True, slots=True, eq=False)
