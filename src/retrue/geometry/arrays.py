@@ -15,6 +15,8 @@ BoolArray = NDArray[np.bool_]
 Image = NDArray[Any]
 """(height, width) or (height, width, channels), uint8 or uint16; colour in the order red, green, blue."""
 
+Cut = slice | NDArray[np.intp]
+"""Which rows, or columns, of a picture."""
 
 LARGEST_SIDE = 1_000_000  # of a raster, in pixels
 

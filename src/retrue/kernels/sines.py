@@ -1,13 +1,14 @@
-"""Sines in pictures of several shifts: phase, its variance and the modulation, pixel by pixel."""
+"""Sines in pictures of several shifts: phase and its variance, whole turns, and steps between neighbours."""
 
 from __future__ import annotations
 
 import cython
-from cython.cimports.libc.math import sqrt
+from cython.cimports.libc.math import fabs, sqrt
 
 INFINITY = cython.declare(cython.float, float("inf"))
 TURN = cython.declare(cython.float, 6.283185307179586)
 TINY = cython.declare(cython.float, 1e-30)
+WHOLE = cython.declare(cython.float, 12582912.0)  # 3 * 2^22: what is added to it and taken away is a whole number
 BLOCK = cython.declare(cython.Py_ssize_t, 512)  # pixels whose sums stay in the processor's first cache
 
 Pixel = cython.fused_type(cython.uchar, cython.ushort)
@@ -95,3 +96,105 @@ def demodulate(
                 found[2, p + i] = sqrt(square if square > smallest else smallest)
                 saturated[p + i] = most[i] >= full
             p += BLOCK
+
+
+def refine(
+    phase: cython.const[cython.float][::1],
+    variance: cython.const[cython.float][::1],
+    reach: cython.const[cython.float][::1],
+    period: cython.float,
+    limits: tuple[cython.float, cython.float, cython.float],
+    known: cython.float[:, ::1],
+    missed: cython.float[:, ::1],
+    flags: cython.uchar[:, ::1],
+    judged: cython.bint,
+) -> None:
+    """`known` (2, P), a coordinate and its variance, <- those of a finer sine of that phase, in turns, and period.
+
+    x = (m + phase) period, with the whole m that comes nearest to the coarser coordinate; `missed` (2, P) <- by how
+    much that missed x, and the variance of it. Where `judged`, `flags` (2, P): trusted stays where the miss is at most
+    the first of `limits` sigmas and `reach`, and the next turn is missed by more than the second; risky <- 1 where the
+    period is less than the third.
+    """
+    cython.declare(p=cython.Py_ssize_t, x=cython.float, off=cython.float, both=cython.float, sigma=cython.float)
+    cython.declare(own=cython.float, near=cython.float, far=cython.float, r=cython.float, even=cython.bint)
+    even = reach.shape[0] == 1
+    with cython.nogil:
+        for p in range(phase.shape[0]):
+            x = known[0, p] / period - phase[p]
+            x = ((x + WHOLE) - WHOLE + phase[p]) * period
+            own = variance[p] * (period * period)
+            off, both = known[0, p] - x, known[1, p] + own
+            missed[0, p], missed[1, p] = off, both
+            known[0, p], known[1, p] = x, own
+        if judged:
+            for p in range(phase.shape[0]):
+                sigma, r = sqrt(missed[1, p]), reach[0 if even else p]
+                near, far = r + limits[0] * sigma, period - r - limits[1] * sigma
+                flags[0, p] &= fabs(missed[0, p]) <= (near if near < far else far)
+                flags[1, p] |= limits[2] * sigma > period
+
+
+def keep_within(
+    cycle: cython.float,
+    side: cython.float,
+    sigmas: cython.float,
+    known: cython.float[:, ::1],
+    trusted: cython.uchar[::1],
+) -> None:
+    """The coordinate `known` (2, P) <- that of all it stands for, one a `cycle`, which lies in the projector's `side`.
+
+    `trusted` stays where no other may, within so many sigmas.
+    """
+    cython.declare(p=cython.Py_ssize_t, x=cython.float, margin=cython.float)
+    with cython.nogil:
+        for p in range(trusted.shape[0]):
+            x = known[0, p]
+            x = x + cycle if x < -0.5 else x
+            x = x - cycle if x > side - cython.cast(cython.float, 0.5) and x - cycle >= -0.5 else x
+            margin = sigmas * sqrt(known[1, p])
+            known[0, p] = x
+            trusted[p] &= (x + cycle > side - cython.cast(cython.float, 0.5) + margin) & (
+                x - cycle < -cython.cast(cython.float, 0.5) - margin
+            )
+
+
+def find_steps(
+    px: cython.const[cython.float][:, ::1],
+    variance: cython.const[cython.float][:, ::1],
+    good: cython.const[cython.uchar][:, ::1],
+    step: cython.float,
+    sigmas: cython.float,
+    flat: cython.uchar[:, ::1],
+) -> None:
+    """`flat` <- 0 where two opposite neighbours, both good, differ by more than `step` and so many sigmas."""
+    cython.declare(y=cython.Py_ssize_t, x=cython.Py_ssize_t, limit=cython.float)
+    height: cython.Py_ssize_t = px.shape[0]
+    width: cython.Py_ssize_t = px.shape[1]
+    with cython.nogil:
+        for y in range(height):
+            for x in range(width):
+                if good[y, x]:
+                    limit = step + sigmas * sqrt(variance[y, x])
+                    if 0 < x < width - 1 and good[y, x - 1] & good[y, x + 1]:
+                        flat[y, x] &= not fabs(px[y, x + 1] - px[y, x - 1]) > limit
+                    if 0 < y < height - 1 and good[y - 1, x] & good[y + 1, x]:
+                        flat[y, x] &= not fabs(px[y + 1, x] - px[y - 1, x]) > limit
+
+
+def spread(
+    pixels: cython.const[cython.Py_ssize_t][::1],
+    known: cython.const[cython.float][:, ::1],
+    modulation: cython.const[cython.float][::1],
+    flags: cython.const[cython.uchar][:, ::1],
+    images: cython.float[:, ::1],
+    masks: cython.uchar[:, ::1],
+) -> None:
+    """Into those pixels: `images` (3, ...) coordinate, variance and modulation; `masks`, one for each of `flags`."""
+    cython.declare(k=cython.Py_ssize_t, m=cython.Py_ssize_t, p=cython.Py_ssize_t)
+    with cython.nogil:
+        for k in range(pixels.shape[0]):
+            p = pixels[k]
+            images[0, p], images[1, p], images[2, p] = known[0, k], known[1, k], modulation[k]
+            for m in range(flags.shape[0]):
+                masks[m, p] = flags[m, k]

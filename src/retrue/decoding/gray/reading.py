@@ -3,26 +3,26 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import reduce
 
+import cv2
 import numpy as np
 from numpy.typing import NDArray
 
 from retrue.decoding.gray.bits import decode_axis
-from retrue.decoding.gray.plan import MAX_CELL, UNDECIDED, Plan, noise_of_difference
+from retrue.decoding.gray.plan import MAX_CELL, UNDECIDED, Plan
 from retrue.decoding.gray.sequence import GraySequence
-from retrue.decoding.gray.stripe_edges import FloatImage, find_edges, fit_planes
+from retrue.decoding.gray.stripe_edges import LARGEST_SIGMA, PlaneFit, find_edges, fit_planes
 from retrue.geometry.arrays import BoolArray, FloatArray, Image
+from retrue.kernels import stripes as kernel
 
 LARGEST_RESIDUAL = 0.25
 """Stripes, RMS: edges that scatter more about their plane belong to several surfaces, or to none."""
-LARGEST_SIGMA = 0.05
-"""Stripes: above it, too few edges, or all of them to one side."""
 FARTHEST_CODE = 0.75
 """Stripes: a pixel's own code is within half a stripe of the plane, and a little for noise."""
-SYSTEMATIC_SIGMA = 0.02
-"""Stripes: what the lens, JPEG and the surface leave, however many edges there are."""
+SYSTEMATIC_SIGMA = 0.005
+"""Stripes: what lens and camera leave, however many edges there are and however flat the surface."""
 
 HALO_CELLS = 8
 """How many cells away a picture can still change a point: the window, the edges beside it, and their own window."""
@@ -68,15 +68,19 @@ class Band:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Reading:
-    """The rows of a band at one depth: masks of its pixels, and for each axis sub-pixel n and its variance."""
+    """The rows of a band at one depth: masks of its pixels, and for each axis the planes of the cells around it.
+
+    `fits` know the rows from `above` rows over the band, and the columns from `left` on; none where nothing is inside.
+    """
 
     lit: BoolArray
     agreed: BoolArray
     inside: BoolArray
     certain: BoolArray
     smooth: BoolArray
-    values: list[FloatImage]
-    variances: list[FloatImage]
+    fits: list[PlaneFit]
+    above: int
+    left: int
     outside: tuple[int, ...]
     largest: tuple[int, ...]
 
@@ -84,14 +88,9 @@ class _Reading:
 def read_band(depths: Sequence[Depth], rows: range) -> Band:
     """The points of those rows; rows around them are looked at too, so that bands fit together seamlessly.
 
-    A pixel is read at the first of the depths that it resolves. `rows` starts at a multiple of MAX_CELL. Columns in
-    which nothing is lit are left out.
+    A pixel is read at the first of the depths that it resolves. `rows` starts at a multiple of MAX_CELL.
     """
-    width = depths[0].sequence.white.shape[1]
-    columns = _lit_columns(depths[0], rows)
-    if columns.stop - columns.start < width:
-        depths = [replace(depth, sequence=depth.sequence.part(slice(None), columns)) for depth in depths]
-    first = _read(depths[0], rows)
+    first = _read(depths[0], rows, None)
     good = first.certain & first.smooth
     pixels = [np.flatnonzero(good)]
     found = [_coordinates(depths[0], first, pixels[0])]
@@ -100,13 +99,12 @@ def read_band(depths: Sequence[Depth], rows: range) -> Band:
     for depth in depths[1:]:
         if _count(unread) < FEWEST_OPEN:
             break
-        reading = _read(depth, rows)
+        reading = _read(depth, rows, unread)
         good = reading.certain & reading.smooth & unread
         pixels.append(np.flatnonzero(good))
         found.append(_coordinates(depth, reading, pixels[-1]))
         unread, taken = unread & ~good, taken | good
-    y, x = np.divmod(np.concatenate(pixels), columns.stop - columns.start)
-    everything = y * width + x + columns.start
+    everything = np.concatenate(pixels)
     order = np.argsort(everything, kind="stable") if len(pixels) > 1 else slice(None)
     rejected = {
         "undecided": first.lit & ~first.agreed,
@@ -130,84 +128,109 @@ def read_band(depths: Sequence[Depth], rows: range) -> Band:
     )
 
 
-def _lit_columns(depth: Depth, rows: range) -> slice:
-    """From the first to the last column in which a pixel may be lit, whole cells of any size and one more either side.
-
-    All of them where that saves little.
-    """
-    halo = HALO_CELLS * MAX_CELL
-    around = slice(max(rows.start - halo, 0), rows.stop + halo)
-    lit = np.flatnonzero(_lit(depth, around)[0].any(axis=0))
-    width = depth.sequence.white.shape[1]
-    if not len(lit):
-        return slice(0, min(MAX_CELL, width))
-    start, stop = max(int(lit[0]) // MAX_CELL - 1, 0) * MAX_CELL, (int(lit[-1]) // MAX_CELL + 2) * MAX_CELL
-    return slice(start, min(stop, width)) if min(stop, width) - start < WORTH_CUTTING * width else slice(0, width)
-
-
-def _lit(depth: Depth, rows: slice) -> tuple[BoolArray, FloatImage, FloatImage]:
-    """Which pixels are, white less black, and the noise of such a difference."""
-    white, black = (image[rows].astype(np.float32) for image in (depth.sequence.white, depth.sequence.black))
-    contrast, noise = white - black, noise_of_difference(depth.plan.noise_gain, white + black)
-    return contrast > 2 * (noise * np.float32(UNDECIDED)), contrast, noise
-
-
-def _read(depth: Depth, rows: range) -> _Reading:
+def _read(depth: Depth, rows: range, wanted: BoolArray | None) -> _Reading:
+    """All of a band, or what `wanted` of its pixels need."""
     sequence, plan = depth.sequence, depth.plan
     halo = HALO_CELLS * max(plan.cells)
     top, bottom = max(rows.start - halo, 0), min(rows.stop + halo, sequence.white.shape[0])
     around, inner = slice(top, bottom), slice(rows.start - top, rows.stop - top)
-    lit, contrast, noise = _lit(depth, around)
-    decided = noise * np.float32(UNDECIDED)
-    np.maximum(contrast, 1, out=contrast)
+    contrast, noise = (np.empty((bottom - top, sequence.white.shape[1]), np.float32) for _ in range(2))
+    lit: BoolArray = np.empty(contrast.shape, np.bool_)
+    white, black = sequence.white[around], sequence.black[around]
+    kernel.light(white, black, plan.noise_gain, UNDECIDED, contrast, noise, lit.view(np.uint8))
+    where = lit if wanted is None else lit & _around(wanted, inner.start, lit.shape[0], halo)
 
     axes = [
-        decode_axis(_rows(patterns, around), _rows(inverses, around), along)
+        decode_axis(_rows(patterns, around), _rows(inverses, around), along, where)
         for patterns, inverses, along in zip(sequence.patterns, sequence.inverses, plan.along, strict=True)
     ]
-    agreed = reduce(np.logical_and, [axis.second_margin > decided for axis in axes], lit)
+    decided = noise * np.float32(UNDECIDED)
+    agreed = reduce(np.logical_and, [axis.second_margin > decided for axis in axes], where)
     within = [
         (axis.code >= stripes.first) & (axis.code <= stripes.last)
         for axis, stripes in zip(axes, sequence.stripes, strict=True)
     ]
     inside = reduce(np.logical_and, within, agreed)
-    fits = [
-        fit_planes(find_edges(axis, contrast, noise, inside, along, cell), along)
-        for axis, along, cell in zip(axes, plan.along, plan.cells, strict=True)
-    ]
-    certain, smooth = inside.copy(), inside.copy()
-    for axis, fit in zip(axes, fits, strict=True):
-        certain &= fit.pixels((fit.variance < LARGEST_SIGMA**2).view(np.uint8)).view(np.bool_)
-        smooth &= fit.pixels((fit.mean_square < LARGEST_RESIDUAL**2).view(np.uint8)).view(np.bool_)
-        smooth &= np.abs(axis.code - fit.value) < FARTHEST_CODE
     outside = tuple(_count((agreed & ~codes)[inner]) for codes in within)
     beyond = tuple(
         int(axis.code[agreed].max(initial=0)) if count else 0 for axis, count in zip(axes, outside, strict=True)
     )
+    certain, smooth = inside.copy(), inside.copy()
+    fits: list[PlaneFit] = []
+    columns = _filled_columns(inside)
+    for axis, along, cell in zip(axes, plan.along, plan.cells, strict=True) if inside.any() else ():
+        fit = fit_planes(find_edges(axis, contrast, noise, inside, columns, along, cell), along)
+        fits.append(fit)
+        kernel.accept(
+            axis.code,
+            fit.planes,
+            (fit.variance < LARGEST_SIGMA**2).view(np.uint8),
+            (fit.mean_square < LARGEST_RESIDUAL**2).view(np.uint8),
+            (columns.start, columns.stop),
+            cell,
+            along,
+            FARTHEST_CODE,
+            certain.view(np.uint8),
+            smooth.view(np.uint8),
+        )
     return _Reading(
-        lit=lit[inner],
-        agreed=agreed[inner],
-        inside=inside[inner],
-        certain=certain[inner],
-        smooth=smooth[inner],
-        values=[fit.value[inner] for fit in fits],
-        variances=[fit.pixels(fit.variance)[inner] for fit in fits],
-        outside=outside,
-        largest=beyond,
+        lit[inner],
+        agreed[inner],
+        inside[inner],
+        certain[inner],
+        smooth[inner],
+        fits,
+        inner.start,
+        columns.start,
+        outside,
+        beyond,
     )
+
+
+def _around(wanted: BoolArray, above: int, height: int, halo: int) -> BoolArray:
+    """Every pixel of `height` rows, of which `wanted` begins `above` rows down, that may change a wanted one."""
+    width = wanted.shape[1]
+    blocks = -(-height // MAX_CELL), -(-width // MAX_CELL)
+    padded = np.zeros((blocks[0] * MAX_CELL, blocks[1] * MAX_CELL), np.bool_)
+    padded[above : above + len(wanted), :width] = wanted
+    words = padded.view(np.uint64).reshape(blocks[0], MAX_CELL, blocks[1], -1)
+    spread = (np.bitwise_or.reduce(words, axis=(1, 3)) > 0).view(np.uint8)
+    reach = -(-halo // MAX_CELL)
+    spread = cv2.dilate(spread, np.ones((2 * reach + 1, 2 * reach + 1), np.uint8))
+    whole = np.repeat(np.repeat(spread, MAX_CELL, axis=0), MAX_CELL, axis=1)
+    return whole[:height, :width].view(np.bool_)
+
+
+def _filled_columns(inside: BoolArray) -> slice:
+    """From the first to the last column of a mask in whole cells of any size; all of them where that saves little."""
+    filled, width = np.flatnonzero(inside.any(axis=0)), inside.shape[1]
+    if not len(filled):
+        return slice(0, width)
+    start, stop = int(filled[0]) // MAX_CELL * MAX_CELL, min((int(filled[-1]) // MAX_CELL + 1) * MAX_CELL, width)
+    return slice(start, stop) if stop - start < WORTH_CUTTING * width else slice(0, width)
 
 
 def _coordinates(depth: Depth, reading: _Reading, pixels: NDArray[np.intp]) -> tuple[list[FloatArray], FloatArray]:
     """Projector coordinates (N,) along each axis, and their standard deviation."""
-    found: list[FloatArray] = []
-    variances: list[FloatImage] = []
-    width = depth.sequence.stripes[0].width_px
-    for stripes, value, variance in zip(depth.sequence.stripes, reading.values, reading.variances, strict=True):
+    axes = depth.sequence.stripes
+    width = axes[0].width_px
+    found = [np.empty(len(pixels)) for _ in axes]
+    variances = [np.empty(len(pixels), np.float32) for _ in axes]
+    for stripes, fit, px, variance in zip(axes, reading.fits, found, variances, strict=len(pixels) > 0):
         centre = 0.5 + stripes.offset_px / stripes.width_px
-        px = (np.take(value, pixels) + np.float64(centre)) * stripes.width_px
-        px -= 0.5
-        found.append(px)
-        variances.append(np.take(variance, pixels) * np.float32((stripes.width_px / width) ** 2))
+        kernel.coordinates(
+            pixels,
+            fit.planes,
+            fit.error,
+            (reading.lit.shape[1], reading.above, reading.left),
+            fit.cell,
+            fit.along,
+            centre,
+            stripes.width_px,
+            px,
+            variance,
+        )
+        variance *= np.float32((stripes.width_px / width) ** 2)
     return found, np.sqrt(np.stack(variances).mean(axis=0) + np.float64(SYSTEMATIC_SIGMA**2)) * width
 
 

@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from retrue.decoding.sequence.arrange import ArrangedSequence
-from retrue.geometry.arrays import Image
+from retrue.geometry.arrays import Cut, Image
 
 FEWEST_BITS = 3
 """Of an axis, to be read without its finest ones."""
@@ -62,7 +62,7 @@ class GraySequence:
     white: Image
     black: Image
 
-    def part(self, rows: slice, columns: slice) -> GraySequence:
+    def part(self, rows: Cut, columns: Cut) -> GraySequence:
         """The same rows and columns of every picture."""
 
         def cut(axes: tuple[list[Image], ...]) -> tuple[list[Image], ...]:

@@ -11,14 +11,15 @@ are separable filters over cells.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any, cast
+from typing import cast
 
 import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from retrue.decoding.gray.bits import AxisCode, neighbours
+from retrue.decoding.gray.bits import AxisCode
 from retrue.geometry.arrays import BoolArray
+from retrue.kernels import stripes as kernel
 
 FloatImage = NDArray[np.float32]
 
@@ -28,78 +29,84 @@ WINDOW_SIGMA, WINDOW_RADIUS = 1.25, 3
 """Cells: standard deviation and reach of the Gaussian window."""
 STEEPEST_CONTRAST = 0.3
 """Where brightness changes by more than this share from pixel to pixel, light leaks across and shifts the edge."""
+BOW_REACH = 2
+"""Cells: how far apart planes tell that a surface bows; nearer ones share their edges."""
+LARGEST_SIGMA = 0.05
+"""Stripes: above it, too few edges, or all of them to one side."""
+MOMENTS = ("", "x", "xx", "y", "yy", "xy", "v", "xv", "yv")
+"""Of the weights, and of what they are multiplied by."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Edges:
-    """Stripe edges between neighbours, stored at the first of the two pixels.
+    """The N stripe edges of a band, each between a pixel and the next along the axis of comparison.
 
     Attributes
     ----------
-    shape : (height, width) of the band; the arrays are padded to whole cells.
+    shape : (height, width) of the band's columns that were looked at.
     cell : side of a cell in pixels.
-    weight : 1 for an edge that noise does not disturb, 0 where there is none.
-    fraction : position between the two pixels, 0 .. 1.
-    value : n + 1/2.
+    place : (N,) flat index of the first of the two pixels, ascending.
+    seen : (3, N) weight, 1 for an edge that noise does not disturb; position between the two pixels, 0 .. 1; n + 1/2.
     """
 
-    shape: tuple[int, ...]
+    shape: tuple[int, int]
     cell: int
-    weight: FloatImage
-    fraction: FloatImage
-    value: FloatImage
+    place: NDArray[np.int32]
+    seen: FloatImage
+
+    @property
+    def cells(self) -> tuple[int, int]:
+        """Rows and columns of cells, the last ones cut off by the border."""
+        return -(-self.shape[0] // self.cell), -(-self.shape[1] // self.cell)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class PlaneFit:
-    """The fitted planes.
+    """The fitted planes, one per cell.
 
     Attributes
     ----------
-    value : (height, width), sub-pixel n of every pixel.
-    mean_square : one per cell, of the distances of the window's edges from their own cell's plane, in stripes^2.
-    variance : one per cell, of `value`, in stripes^2; grows where the edges lie to one side.
+    planes : (3, rows, columns), sub-pixel n in the cell's centre, and its slopes along and across the axis.
+    mean_square : of the distances of the window's edges from their own cell's plane, in stripes^2.
+    variance : of the planes' n, in stripes^2, from how the edges scatter; grows where they lie to one side.
+    error : the mean square of what the planes miss the surface by: the same, and its bow.
+    cell, along : side of a cell in pixels, array axis of comparison.
     """
 
-    value: FloatImage
+    planes: FloatImage
     mean_square: FloatImage
     variance: FloatImage
+    error: FloatImage
     cell: int
-
-    def pixels(self, cells: NDArray[Any]) -> NDArray[Any]:
-        """One value per cell (uint8 or float32) as one per pixel."""
-        height, width = self.value.shape
-        return _per_pixel(cells, self.cell)[:height, :width]
+    along: int
 
 
 def find_edges(
-    axis: AxisCode, contrast: FloatImage, noise: FloatImage, good: BoolArray, along: int, cell: int
+    axis: AxisCode, contrast: FloatImage, noise: FloatImage, good: BoolArray, columns: slice, along: int, cell: int
 ) -> Edges:
     """Edges between neighbours that are both good and one stripe apart.
 
-    `contrast` is white - black and `noise` the standard deviation of pattern - inverse, both (height, width).
+    `contrast` is white - black and `noise` the standard deviation of pattern - inverse, both (height, width); all good
+    pixels are in `columns`.
     The difference of pattern and inverse is taken relative to the contrast, so that albedo does not shift the edge.
     """
-    here, there = neighbours(along)
-    contrast_here, contrast_there = contrast[here], contrast[there]
-    change = np.abs(contrast_there - contrast_here)
-    flat = change <= STEEPEST_CONTRAST * np.minimum(contrast_there, contrast_here) + 3 * noise[here]
-    reach = np.ones((3, 1) if along == 0 else (1, 3), np.uint8)
-    usable = cast(NDArray[np.uint8], cv2.erode(flat.view(np.uint8), reach))
-    usable &= (np.abs(axis.code[there] - axis.code[here]) == 1).view(np.uint8)
-    usable &= (good[here] & good[there]).view(np.uint8)
-
-    near, far = axis.near.astype(np.float32), axis.far.astype(np.float32)
-    signal = np.square((near + far) * np.float32(EDGE_SIGMA))
-    near *= contrast_there
-    far *= contrast_here
-    height, width = axis.code.shape
-    weight, fraction, value = (np.zeros((height + -height % cell, width + -width % cell), np.float32) for _ in range(3))
-    pairs = slice(near.shape[0]), slice(near.shape[1])
-    np.multiply(signal / (signal + np.square(noise[here])), usable, out=weight[pairs])
-    np.divide(near, near + far + np.float32(1e-9), out=fraction[pairs])
-    np.multiply(axis.code[here] + axis.code[there], np.float32(0.5), out=value[pairs])
-    return Edges((height, width), cell, weight, fraction, value)
+    most = int(np.count_nonzero(good))
+    place, seen = np.empty(most, np.int32), np.empty((3, most), np.float32)
+    count = kernel.find_edges(
+        axis.code,
+        axis.near,
+        axis.far,
+        contrast,
+        noise,
+        good.view(np.uint8),
+        (columns.start, columns.stop),
+        along,
+        EDGE_SIGMA,
+        STEEPEST_CONTRAST,
+        place,
+        seen,
+    )
+    return Edges((good.shape[0], columns.stop - columns.start), cell, place[:count], seen[:, :count].copy())
 
 
 def fit_planes(edges: Edges, along: int) -> PlaneFit:
@@ -107,13 +114,11 @@ def fit_planes(edges: Edges, along: int) -> PlaneFit:
 
     x runs along the axis of comparison and y across it, both from the cell's centre.
     """
-    cell, w, v = edges.cell, edges.weight, edges.value
-    inner_x, inner_y = (_inside_cell(w.shape, cell, axis) for axis in (along, 1 - along))
-    x = edges.fraction + inner_x
-    wx, wv, wy = w * x, w * v, w * inner_y
-    own = {"": w, "x": wx, "xx": wx * x, "y": wy, "yy": wy * inner_y, "xy": wx * inner_y}
-    own |= {"v": wv, "xv": wv * x, "yv": wv * inner_y}
-    sums = _windowed({name: _per_cell(image, cell) for name, image in own.items()}, cell, along)
+    cell, width = edges.cell, edges.shape[1]
+    own = np.zeros((len(MOMENTS), *edges.cells), np.float32)
+    room = np.zeros((edges.cells[1], len(MOMENTS)), np.float32)
+    kernel.moments(edges.place, edges.seen, width, cell, along, room, own)
+    sums = _windowed(dict(zip(MOMENTS, own, strict=True)), cell, along)
 
     per_weight = 1 / np.maximum(sums.pop(""), np.float32(1e-6))
     x, y, value, xx, xy, yy, xv, yv = (sums[n] * per_weight for n in ("x", "y", "v", "xx", "xy", "yy", "xv", "yv"))
@@ -125,22 +130,35 @@ def fit_planes(edges: Edges, along: int) -> PlaneFit:
     value -= slope_x * x + slope_y * y
     lever = (yy * (x * x) - 2 * xy * (x * y) + xx * (y * y)) / determinant
 
-    slope_x, slope_y, value = (_per_pixel(image, cell) for image in (slope_x, slope_y, value))
-    fitted = value + slope_x * inner_x + slope_y * inner_y
-    off = cast(FloatImage, v - fitted - slope_x * edges.fraction)
-    off *= off
-    off *= w
-    kernel = _kernel(cell, 0)
-    squares, weights, count = (
-        _filtered(_filtered(_per_cell(image, cell), kernel, 0), kernel, 1)
-        for image in (off, w, (w > 0).astype(np.float32))
-    )
+    planes = np.stack([value, slope_x, slope_y], dtype=np.float32)
+    own = np.zeros((3, *edges.cells), np.float32)
+    kernel.misses(edges.place, edges.seen, planes, width, cell, along, room, own)
+    window = _kernel(cell, 0)
+    squares, weights, count = (_filtered(_filtered(image, window, 0), window, 1) for image in own)
     tiny = np.float32(1e-6)
     mean_square = cast(FloatImage, squares / (weights + tiny))
     of_weight_1 = squares / (count + tiny) + np.float32((EDGE_SIGMA / cell) ** 2)
     variance = cast(FloatImage, of_weight_1 * per_weight * (1 + np.maximum(lever, 0)) * np.float32(0.5 / cell**2))
-    height, width = edges.shape
-    return PlaneFit(fitted[:height, :width], mean_square, variance, cell)
+    known = variance < LARGEST_SIGMA**2
+    bow = sum(_bow(planes[0], planes[1 + (axis != along)] * np.float32(cell), known, axis) for axis in range(2))
+    return PlaneFit(planes, mean_square, variance, variance + np.square(bow), cell, along)
+
+
+def _bow(value: FloatImage, slope: FloatImage, known: BoolArray, axis: int) -> FloatImage:
+    """How much a plane through a window misses the middle of a surface that bows along an array axis, in stripes.
+
+    Of value = a x^2 the plane is too high by a times the window's variance. a is told by the planes BOW_REACH cells
+    away on either side, or on the one where there are any.
+    """
+    total, count = np.zeros_like(value), np.zeros_like(value)
+    for side in (-1, 1):
+        there = np.roll(value, -side * BOW_REACH, axis)
+        both = known & np.roll(known, -side * BOW_REACH, axis)
+        over = slice(-BOW_REACH, None) if side > 0 else slice(None, BOW_REACH)
+        both[(slice(None),) * axis + (over,)] = False
+        total += np.where(both, there - value - np.float32(side * BOW_REACH) * slope, np.float32(0))
+        count += both
+    return cast(FloatImage, total * (np.float32((WINDOW_SIGMA / BOW_REACH) ** 2) / np.maximum(count, np.float32(1))))
 
 
 def _windowed(own: dict[str, FloatImage], cell: int, along: int) -> dict[str, FloatImage]:
@@ -170,24 +188,6 @@ def _kernel(cell: int, power: int) -> FloatImage:
     """The window along one axis, times offset^power in pixels."""
     offset = np.arange(-WINDOW_RADIUS, WINDOW_RADIUS + 1, dtype=np.float64)
     return (np.exp(-0.5 * (offset / WINDOW_SIGMA) ** 2) * (cell * offset) ** power).astype(np.float32)
-
-
-def _inside_cell(shape: tuple[int, ...], cell: int, axis: int) -> FloatImage:
-    """Coordinate along an array axis of every pixel, from the centre of its cell; broadcasts over the other axis."""
-    offset = np.arange(shape[axis], dtype=np.float32) % cell - np.float32((cell - 1) / 2)
-    return offset[:, None] if axis == 0 else offset[None, :]
-
-
-def _per_cell(image: FloatImage, cell: int) -> FloatImage:
-    """Mean over each cell."""
-    size = (image.shape[1] // cell, image.shape[0] // cell)
-    return cast(FloatImage, cv2.resize(image, size, interpolation=cv2.INTER_AREA))
-
-
-def _per_pixel(image: NDArray[Any], cell: int) -> NDArray[Any]:
-    """The cell's value, for each of its pixels."""
-    size = (image.shape[1] * cell, image.shape[0] * cell)
-    return cast(NDArray[Any], cv2.resize(image, size, interpolation=cv2.INTER_NEAREST))
 
 
 def _filtered(image: FloatImage, kernel: FloatImage, axis: int) -> FloatImage:

@@ -18,11 +18,13 @@ from retrue.decoding.gray.faults import (
     require_light,
 )
 from retrue.errors import CaptureError, InputError
-from retrue.geometry.arrays import Image
+from retrue.geometry.arrays import Cut, Image
 from retrue.patterns.gray_code import GrayCode
 from retrue.patterns.layouts import as_captured, sequence_of
 from retrue.patterns.sequence import Frame, FrameSequence
 
+MOST_TO_SUM = 257
+"""Pictures of 8 bits, in 16."""
 COARSE_BITS = 2
 """Of each axis: their patterns and inverses show every pixel lit and dark."""
 
@@ -49,7 +51,7 @@ class ArrangedSequence:
     color: Image
     thorough: bool = True
 
-    def part(self, rows: slice, columns: slice) -> ArrangedSequence:
+    def part(self, rows: Cut, columns: Cut) -> ArrangedSequence:
         """The same rows and columns of every picture."""
         pictures = [image[rows, columns] for image in self.pictures]
         white, black, color = (image[rows, columns] for image in (self.white, self.black, self.color))
@@ -152,10 +154,13 @@ def _coarse(spec: FrameSequence, grey: Sequence[Image]) -> list[Image]:
 
 
 def _mean(pictures: Sequence[Image]) -> Image:
-    total = pictures[0].astype(np.float32)
+    """Of each pixel, rounded."""
+    if pictures[0].dtype == np.uint16 or len(pictures) > MOST_TO_SUM:
+        return np.rint(np.mean(pictures, axis=0, dtype=np.float32)).astype(pictures[0].dtype)
+    total = pictures[0].astype(np.uint16)
     for picture in pictures[1:]:
-        total += picture
-    return np.rint(total / np.float32(len(pictures))).astype(pictures[0].dtype)
+        cv2.add(total, picture, total, dtype=cv2.CV_16U)
+    return cast(Image, cv2.convertScaleAbs(total, alpha=1 / len(pictures)))
 
 
 def _asked(spec: FrameSequence) -> str:
@@ -205,4 +210,4 @@ def _require_alike(images: Sequence[Image], names: Sequence[str]) -> None:
 
 
 def _grey(image: Image) -> Image:
-    return image if image.ndim == 2 else cast(Image, cv2.cvtColor(image, cv2.COLOR_RGB2GRAY))
+    return np.ascontiguousarray(image if image.ndim == 2 else cast(Image, cv2.cvtColor(image, cv2.COLOR_RGB2GRAY)))

@@ -15,11 +15,13 @@ from retrue.decoding.gray.decode_gray_code import band_rows, read_gray
 from retrue.decoding.gray.faults import CAPTURE
 from retrue.decoding.gray.sequence import gray_sequence
 from retrue.decoding.light import saturated
-from retrue.decoding.sequence.arrange import ArrangedSequence, arrange
+from retrue.decoding.sequence.arrange import ArrangedSequence, arrange, frames_of, scene_lights
 from retrue.decoding.sequence.read_sines import REASONS as SINE_REASONS
 from retrue.decoding.sequence.read_sines import plan_sines, read_sines
+from retrue.decoding.sequence.sine_faults import SineFault, find_sine_fault
 from retrue.errors import CaptureError
 from retrue.geometry.arrays import FloatArray, Image
+from retrue.kernels import pixels as kernel
 from retrue.patterns.gray_code import GrayCode
 from retrue.patterns.sequence import FrameSequence
 
@@ -67,12 +69,16 @@ def decode_pictures(
     """
     try:
         sequence = arrange(pattern, images, names)
+        if (fault := find_sine_fault(sequence.spec, sequence.pictures, sequence.names)) is not None:
+            return _read_all_the_same(sequence, fault)
         return decode_arranged(sequence), sequence
     except CaptureError as error:
         if len({image.shape[:2] for image in images}) != 1 or len({image.dtype for image in images}) != 1:
             raise
         from retrue.decoding.sequence.diagnosis import diagnose
 
+        if not any(pattern_frame.code == "gray" for pattern_frame in frames_of(pattern, len(images)) or ()):
+            raise
         found = diagnose(pattern, images, names)
         if found is None:
             raise
@@ -92,6 +98,28 @@ def decode_pictures(
             details={**points.card.details, "read_all_the_same": list(found.causes), **found.figures},
         )
         return replace(points, card=card), found.sequence
+
+
+def _read_all_the_same(sequence: ArrangedSequence, fault: SineFault) -> tuple[Correspondences, ArrangedSequence]:
+    """With the order, and without the share of the picture before, that were found; raises where that cannot be."""
+    what = "; ".join(fault.causes)
+    if fault.spec is None:
+        raise CaptureError(CAPTURE, what)
+    pictures = sequence.pictures
+    if fault.share:
+        from retrue.decoding.sequence.diagnosis import without_light_faults
+
+        pictures = without_light_faults(pictures, np.ones(len(pictures)), fault.share)
+    white, black, _ = scene_lights(fault.spec, pictures, pictures)
+    sequence = replace(sequence, spec=fault.spec, pictures=pictures, white=white, black=black)
+    points = decode_arranged(sequence)
+    assert points.card is not None
+    card = replace(
+        points.card,
+        advice=(f"read all the same: {what}", *points.card.advice),
+        details={**points.card.details, "read_all_the_same": list(fault.causes), **fault.figures},
+    )
+    return replace(points, card=card), sequence
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -130,7 +158,7 @@ def decode_arranged(sequence: ArrangedSequence) -> Correspondences:
             if len(depths) > 1:
                 details["points_by_bits_left_out"] = depths
         if sine_axes:
-            noise, plans = plan_sines(sequence, sine_axes)
+            noise, plans = plan_sines(sequence, sine_axes, threads)
             details |= {"noise_floor": noise.floor, "noise_gain": noise.gain}
             sines = read_sines(sequence, noise, plans, rows, threads)
             read.append([Points(b.pixels, b.projector_px, b.sigma_px, b.light, b.seen, b.rejected) for b in sines])
@@ -162,18 +190,19 @@ def _assemble(
     cells, colors = np.empty((total, 2), np.int64), np.empty((total, 3), np.uint8)
     light = np.empty(total)
 
+    colors_seen = sequence.color.reshape(height * width, *sequence.color.shape[2:])
+    white, black = sequence.white.reshape(-1), sequence.black.reshape(-1)
+
     def fill(band: Points, rows: range, end: int) -> None:
         part = slice(end - len(band.pixels), end)
-        y, x = np.divmod(band.pixels, width)
-        y += rows.start
-        cells[part, 0], cells[part, 1] = y, x
-        camera_px[part, 0], camera_px[part, 1] = x, y
+        flat = np.empty_like(band.pixels)
+        kernel.places(band.pixels, width, rows.start, flat, cells[part], camera_px[part])
         for axis in range(2):
             projector_px[part, axis] = band.projector_px.get(axis, np.nan)
         sigma_px[part] = band.sigma_px
-        seen = sequence.color[y, x]
+        seen = np.take(colors_seen, flat, axis=0)
         if band.light is None:
-            np.subtract(sequence.white[y, x], sequence.black[y, x], out=light[part], dtype=np.float64)
+            np.subtract(np.take(white, flat), np.take(black, flat), out=light[part], dtype=np.float64)
             light[part][saturated(seen)] = np.nan
         else:
             light[part] = band.light
@@ -181,7 +210,7 @@ def _assemble(
         colors[part] = seen[:, None] if seen.ndim == 1 else seen
 
     list(threads.map(fill, bands, rows, ends.tolist()))
-    for array in (camera_px, projector_px, sigma_px, light):
+    for array in (camera_px, projector_px, sigma_px, light, cells, colors):
         array.setflags(write=False)
     return Correspondences(
         camera_px,

@@ -102,7 +102,7 @@ def diagnose(pattern: GrayCode | FrameSequence, images: Sequence[Image], names: 
         spec = FrameSequence(pattern.projector_size, order.frames)
     except InputError:
         return Diagnosis(tuple(causes), None, figures)
-    pictures = list(grey) if spread == 1 and not share else _corrected(grey, gains, share)
+    pictures = list(grey) if spread == 1 and not share else without_light_faults(grey, gains, share)
     white, black, color = scene_lights(spec, pictures, pictures)
     arranged = ArrangedSequence(spec, pictures, list(names), white, black, color, not isinstance(pattern, GrayCode))
     try:
@@ -222,7 +222,7 @@ def _light(sample: Sample, order: Hypothesis) -> tuple[FloatArray, float]:
     return gains if spread > LEAST_SPREAD else ones, share if share > LEAST_SHARE else 0.0
 
 
-def _corrected(grey: Sequence[Image], gains: FloatArray, share: float) -> list[Image]:
+def without_light_faults(grey: Sequence[Image], gains: FloatArray, share: float) -> list[Image]:
     """The pictures over their gains, less the share of the one before, 16 bit."""
     full = float(np.iinfo(grey[0].dtype).max) * HEADROOM / float(gains.min())
     scale = np.float32(np.iinfo(np.uint16).max / full)

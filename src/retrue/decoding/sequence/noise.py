@@ -16,7 +16,7 @@ from retrue.patterns.sequence import Sine
 FloatImage = NDArray[np.float32]
 FLOOR = 1 / 12
 """Grey levels squared: what rounding leaves."""
-SAMPLE_BLOCKS, BLOCK = 16, 32
+SAMPLE_BLOCKS, BLOCK = 10, 32
 """Along each side of the picture, and rows and columns of each block that is looked at."""
 HIGH_PASS = np.array([1.0, -2.0, 1.0])
 HIGH_PASS_GAIN = 36.0

@@ -6,7 +6,6 @@ from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
 from functools import partial, reduce
-from typing import Any
 
 import cv2
 import numpy as np
@@ -20,8 +19,9 @@ from retrue.decoding.sequence.noise import FloatImage, Noise, measure_noise
 from retrue.decoding.sequence.ripple import measure_ripple, straightened
 from retrue.decoding.sequence.sines import Wrapped, demodulate, harmonics
 from retrue.decoding.sequence.unwrap import CUE_HARMONICS, Bend, ladder, unwrap
-from retrue.geometry.arrays import BoolArray, FloatArray
+from retrue.geometry.arrays import BoolArray, Cut, FloatArray
 from retrue.geometry.robust import MAD_TO_SIGMA
+from retrue.kernels import sines as kernel
 from retrue.patterns.sequence import Sine
 
 LEAST_SIGNAL = 5.0
@@ -67,7 +67,7 @@ class AxisPlan:
     ripples: tuple[complex, ...]
     step_px: float
 
-    def part(self, rows: slice, columns: slice) -> AxisPlan:
+    def part(self, rows: Cut, columns: Cut) -> AxisPlan:
         """The same for those rows and columns of the pictures."""
         if self.cue is None:
             return self
@@ -92,16 +92,16 @@ class _AxisReading:
 
     Attributes
     ----------
-    lit, saturated, trusted, risky : of each pixel.
-    px, variance, modulation : of each pixel; NaN where nothing is lit.
+    trusted, risky, lit, saturated : of each pixel.
+    px, variance, modulation : of each pixel; 0 where nothing may be lit.
     told : of the pixels that may be lit, which are, and none of their pictures saturated.
     missed, allowed, coarse_phase : of these, as `Unwrapped` and `Coarse` have them.
     """
 
-    lit: BoolArray
-    saturated: BoolArray
     trusted: BoolArray
     risky: BoolArray
+    lit: BoolArray
+    saturated: BoolArray
     px: FloatImage
     variance: FloatImage
     modulation: FloatImage
@@ -111,11 +111,13 @@ class _AxisReading:
     coarse_phase: FloatImage | None
 
 
-def plan_sines(sequence: ArrangedSequence, axes: Sequence[int]) -> tuple[Noise, list[AxisPlan]]:
+def plan_sines(
+    sequence: ArrangedSequence, axes: Sequence[int], threads: ThreadPoolExecutor
+) -> tuple[Noise, list[AxisPlan]]:
     """What a sample of rows tells: noise, what gamma does to coarse and fine sines, and how smooth the scene is."""
     sines = [sequence.spec.sines(axis) for axis in axes]
     noise = measure_noise(sequence.pictures, sines)
-    return noise, [_plan_axis(sequence, axis, own, noise) for axis, own in zip(axes, sines, strict=True)]
+    return noise, list(threads.map(partial(_plan_axis, sequence, noise=noise), axes, sines))
 
 
 def read_sines(
@@ -135,13 +137,16 @@ def _read_band(sequence: ArrangedSequence, noise: Noise, plans: Sequence[AxisPla
     around, inner = slice(top, bottom), slice(rows.start - top, rows.stop - top)
     columns = _lit_columns(sequence, plans[0].sines[0], noise, around)
     cut = sequence.part(around, columns)
-    axes = [_read_axis(cut, plan.part(around, columns), noise, slice(None)) for plan in plans]
+    axes = [_read_axis(cut, plan.part(around, columns), noise) for plan in plans]
     lit = reduce(np.logical_and, [axis.lit for axis in axes])
     full = reduce(np.logical_or, [axis.saturated for axis in axes])
     turned = reduce(np.logical_and, [_certain(axis, lit, p) for axis, p in zip(axes, plans, strict=True)])
     within = reduce(np.logical_and, [(a.px >= -0.5) & (a.px <= p.side - 0.5) for a, p in zip(axes, plans, strict=True)])
     good = lit & ~full & turned & within
-    flat = reduce(np.logical_and, [_flat(a, good, p.step_px) for a, p in zip(axes, plans, strict=True)])
+    flat: BoolArray = np.ones_like(good)
+    for axis, plan in zip(axes, plans, strict=True):
+        step, sigmas = JUMP_STEPS * plan.step_px, JUMP_SIGMAS * np.sqrt(2)
+        kernel.find_steps(axis.px, axis.variance, good.view(np.uint8), step, sigmas, flat.view(np.uint8))
     pixels = np.flatnonzero((good & flat)[inner])
     masks = {
         "saturated": lit & full,
@@ -175,32 +180,27 @@ def _lit_columns(sequence: ArrangedSequence, sine: Sine, noise: Noise, rows: sli
     return slice(max(int(lit[0]) - 1, 0), min(int(lit[-1]) + 2, width)) if len(lit) else slice(0, min(2, width))
 
 
-def _read_axis(sequence: ArrangedSequence, plan: AxisPlan, noise: Noise, rows: slice) -> _AxisReading:
-    may = _differing(sequence, plan.sines[0], noise, rows)
+def _read_axis(sequence: ArrangedSequence, plan: AxisPlan, noise: Noise) -> _AxisReading:
+    every = slice(None)
+    may = _differing(sequence, plan.sines[0], noise, every)
     pixels = np.flatnonzero(may)
     wrapped: list[Wrapped] = []
     for sine, ripple in zip(plan.sines, plan.ripples, strict=True):
-        seen = [np.take(sequence.pictures[index][rows], pixels) for index in sine.pictures]
+        seen = [np.take(sequence.pictures[index], pixels) for index in sine.pictures]
         wrapped.append(straightened(demodulate(seen, sine, noise), ripple, len(seen)))
     finest = wrapped[0]
-    lit = finest.variance < LIT_VARIANCE
-    cue, trusted = (None, None) if plan.cue is None else read_cue(*plan.cue, rows)
+    cue, trusted = (None, None) if plan.cue is None else read_cue(*plan.cue, every)
     coarse, steps = ladder(wrapped, plan.side, None if cue is None else cue.at(pixels))
     found = unwrap(coarse, steps, plan.bend, plan.side)
     if trusted is not None:
-        found.trusted[~np.take(trusted, pixels)] = False
-
-    def spread(values: NDArray[np.generic]) -> NDArray[Any]:
-        image = np.full(may.shape, np.nan if values.dtype == np.float32 else False, values.dtype)
-        image.reshape(-1)[pixels] = values
-        return image
-
+        found.flags[0] &= np.take(trusted, pixels).view(np.uint8)
+    flags = np.concatenate([found.flags, [finest.variance < LIT_VARIANCE, finest.saturated]], dtype=np.uint8)
+    images, masks = np.zeros((3, *may.shape), np.float32), np.zeros((4, *may.shape), np.uint8)
+    kernel.spread(pixels, found.known, finest.modulation, flags, images.reshape(3, -1), masks.reshape(4, -1))
+    told = (flags[2] & ~flags[3]).view(np.bool_)
+    of = masks.view(np.bool_)
     return _AxisReading(
-        *map(spread, (lit, finest.saturated, found.trusted, found.risky, found.px, found.variance, finest.modulation)),
-        told=lit & ~finest.saturated,
-        missed=found.missed,
-        allowed=found.allowed,
-        coarse_phase=coarse.phase,
+        of[0], of[1], of[2], of[3], images[0], images[1], images[2], told, found.missed, found.allowed, coarse.phase
     )
 
 
@@ -214,65 +214,59 @@ def _certain(found: _AxisReading, lit: BoolArray, plan: AxisPlan) -> BoolArray:
     return good & ~(risky & (np.abs(found.px - around) > plan.sines[0].period_px / 2))
 
 
-def _flat(found: _AxisReading, good: BoolArray, step_px: float) -> BoolArray:
-    """Where no two opposite neighbours are on two surfaces."""
-    flat = np.ones_like(good)
-    px = np.where(good, found.px, np.nan)
-    limit = np.float32(JUMP_STEPS * step_px) + np.float32(JUMP_SIGMAS * np.sqrt(2)) * np.sqrt(found.variance)
-    with np.errstate(invalid="ignore"):
-        flat[:, 1:-1] &= ~(np.abs(px[:, 2:] - px[:, :-2]) > limit[:, 1:-1])
-        flat[1:-1] &= ~(np.abs(px[2:] - px[:-2]) > limit[1:-1])
-    return flat
-
-
 def _plan_axis(sequence: ArrangedSequence, axis: int, sines: list[Sine], noise: Noise) -> AxisPlan:
     side = float(sequence.spec.projector_size[axis])
+    height, width = sequence.white.shape
+    sample = sequence.part(_strips(height), slice(None))
     cue = None
     if sequence.spec.gray(axis) is not None:
         code = as_cue(gray_sequence(sequence, [axis]), sines[0].period_px)
         cue = code, plan_reading(code).noise_gain
-    strips = _strips(sequence.white.shape[0])
-    plan = AxisPlan(axis, sines, side, cue, Bend(), _ripples(sequence, sines, side, noise), np.inf)
-    read = [_read_axis(sequence, plan, noise, rows) for rows in strips]
+    beside = sequence.part(slice(None), _strips(width))
+    plan = AxisPlan(axis, sines, side, cue, Bend(), _ripples([sample, beside], sines, side, noise), np.inf)
+    here = plan.part(_strips(height), slice(None))
+    read = _read_axis(sample, here, noise)
     if cue is None:
         plan = replace(plan, bend=_bend(read, sines))
-        read = [_read_axis(sequence, plan, noise, rows) for rows in strips]
-    steps = [_steps(own) for own in read]
-    return replace(plan, step_px=float(np.median(np.concatenate(steps))) if sum(map(len, steps)) else np.inf)
+        read = _read_axis(sample, replace(here, bend=plan.bend), noise)
+    steps = _steps(read, min(SAMPLE_ROWS, height))
+    return replace(plan, step_px=float(np.median(steps)) if len(steps) else np.inf)
 
 
-def _ripples(sequence: ArrangedSequence, sines: Sequence[Sine], side: float, noise: Noise) -> tuple[complex, ...]:
-    """Of sines of several turns; what gamma does to a single one is no ripple over the scene, but `Bend`."""
-    height, width = sequence.white.shape
-    parts = [(rows, slice(None)) for rows in _strips(height)] + [(slice(None), columns) for columns in _strips(width)]
+def _ripples(
+    samples: Sequence[ArrangedSequence], sines: Sequence[Sine], side: float, noise: Noise
+) -> tuple[complex, ...]:
+    """Of sines of several turns, from strips of rows and of columns.
+
+    What gamma does to a single turn is no ripple over the scene, but `Bend`.
+    """
     ripples: list[complex] = []
     for sine in sines:
         seen: list[tuple[Wrapped, BoolArray]] = []
-        for part in parts if sine.period_px * FEWEST_TURNS <= side else []:
-            own = demodulate([sequence.pictures[index][part] for index in sine.pictures], sine, noise)
-            seen.append((own, (own.variance < LIT_VARIANCE) & ~own.saturated))
+        for axis, sample in enumerate(samples if sine.period_px * FEWEST_TURNS <= side else []):
+            own = demodulate([sample.pictures[index] for index in sine.pictures], sine, noise)
+            lit = (own.variance < LIT_VARIANCE) & ~own.saturated
+            parts = lit.shape[axis] // min(SAMPLE_ROWS, lit.shape[axis])
+            images = [np.array_split(image, parts, axis) for image in (own.phase, own.variance, own.modulation)]
+            for mask, *cut in zip(np.array_split(lit, parts, axis), *images, strict=True):
+                seen.append((Wrapped(own.period_px, *cut, saturated=mask), mask))
         ripples.append(measure_ripple(seen, len(sine.pictures)) if seen else 0j)
     return tuple(ripples)
 
 
-def _strips(height: int) -> list[slice]:
-    rows = min(SAMPLE_ROWS, height)
-    tops = sorted({int(top) for top in np.linspace(0, height - rows, SAMPLE_BANDS)})
-    return [slice(top, top + rows) for top in tops]
+def _strips(side: int) -> NDArray[np.intp]:
+    """Numbers of rows, or columns: strips of SAMPLE_ROWS that are spread over the picture."""
+    rows = min(SAMPLE_ROWS, side)
+    tops = np.unique(np.linspace(0, side - rows, SAMPLE_BANDS).astype(np.intp))
+    return np.add.outer(tops, np.arange(rows)).ravel()
 
 
-def _bend(read: Sequence[_AxisReading], sines: Sequence[Sine]) -> Bend:
+def _bend(read: _AxisReading, sines: Sequence[Sine]) -> Bend:
     """Harmonics of the coarse phase in what it misses the next sine by; what is left beyond the noise."""
-    good = [own.told for own in read]
-    if read[0].coarse_phase is None or len(sines) < 2 or not any(mask.any() for mask in good):
+    if read.coarse_phase is None or len(sines) < 2 or not read.told.any():
         return Bend()
     missed, allowed, phase = (
-        np.concatenate([image[mask] for image, mask in zip(images, good, strict=True)]).astype(np.float64)
-        for images in (
-            [own.missed for own in read],
-            [own.allowed for own in read],
-            [own.coarse_phase for own in read if own.coarse_phase is not None],
-        )
+        image[read.told].astype(np.float64) for image in (read.missed, read.allowed, read.coarse_phase)
     )
     every = max(len(missed) // MOST_PIXELS_TO_FIT, 1)
     missed, allowed, phase = missed[::every], allowed[::every], phase[::every]
@@ -292,10 +286,10 @@ def _bend(read: Sequence[_AxisReading], sines: Sequence[Sine]) -> Bend:
     return Bend(coefficients, max(excess, 0.0))
 
 
-def _steps(own: _AxisReading) -> NDArray[np.float32]:
-    """Differences of the two neighbours along rows and along columns, whichever are larger."""
-    px = np.where(own.lit & ~own.saturated & own.trusted, own.px, np.nan)
-    along, across = np.abs(px[:, 2:] - px[:, :-2]).ravel(), np.abs(px[2:] - px[:-2]).ravel()
+def _steps(own: _AxisReading, rows: int) -> NDArray[np.float32]:
+    """Differences of the two neighbours along rows and along columns of strips of `rows`, whichever are larger."""
+    px = np.where(own.lit & ~own.saturated & own.trusted, own.px, np.nan).reshape(-1, rows, own.px.shape[1])
+    along, across = np.abs(px[..., 2:] - px[..., :-2]).ravel(), np.abs(px[:, 2:] - px[:, :-2]).ravel()
     along, across = along[np.isfinite(along)], across[np.isfinite(across)]
     if not (len(along) and len(across)):
         return along if len(along) else across

@@ -16,7 +16,7 @@ import numpy as np
 
 from retrue.decoding.sequence.noise import FloatImage
 from retrue.decoding.sequence.sines import Wrapped
-from retrue.geometry.arrays import BoolArray, FloatArray
+from retrue.geometry.arrays import BoolArray
 
 SIGNIFICANT = 4.0
 """Standard errors, between parts of the picture: a smaller ripple is none."""
@@ -71,16 +71,17 @@ def _moment(phase: FloatImage, lit: BoolArray, shifts: int) -> tuple[complex, fl
         return 0j, 0.0
     weight = _slope(phase, lit, axis, reach) / (2 * reach)
     inner = phase[:, reach:-reach] if axis == 1 else phase[reach:-reach]
-    total = float(weight.sum())
-    moment = complex(np.sum(weight * np.exp(-2j * np.pi * shifts * inner.astype(np.float64))))
-    return (moment / total, total) if total > 0 else (0j, 0.0)
+    total = float(weight.sum(dtype=np.float64))
+    turns = np.float32(2 * np.pi * shifts) * inner
+    along, across = (float(np.sum(weight * wave(turns), dtype=np.float64)) for wave in (np.cos, np.sin))
+    return (complex(along, -across) / total, total) if total > 0 else (0j, 0.0)
 
 
-def _slope(phase: FloatImage, lit: BoolArray, axis: int, reach: int) -> FloatArray:
+def _slope(phase: FloatImage, lit: BoolArray, axis: int, reach: int) -> FloatImage:
     """How far the phase goes on between the neighbours `reach` before and behind, along an array axis; 0 if not lit."""
     before, behind = (slice(None, -2 * reach), slice(2 * reach, None))
     here = slice(reach, -reach)
     cuts = [(cut, slice(None)) if axis == 0 else (slice(None), cut) for cut in (before, behind, here)]
-    gone = phase[cuts[1]].astype(np.float64) - phase[cuts[0]]
+    gone = phase[cuts[1]] - phase[cuts[0]]
     gone -= np.rint(gone)
-    return np.where(lit[cuts[0]] & lit[cuts[1]] & lit[cuts[2]], np.abs(gone), 0.0)
+    return np.where(lit[cuts[0]] & lit[cuts[1]] & lit[cuts[2]], np.abs(gone), np.float32(0))

@@ -12,7 +12,8 @@ from numpy.typing import NDArray
 
 from retrue.decoding.sequence.noise import FloatImage
 from retrue.decoding.sequence.sines import Wrapped, beat, harmonics
-from retrue.geometry.arrays import BoolArray, FloatArray
+from retrue.geometry.arrays import FloatArray
+from retrue.kernels import sines as kernel
 
 MOST_SIGMAS = 4.0
 """By which a coarse coordinate and a finer one may disagree."""
@@ -85,17 +86,14 @@ class Unwrapped:
 
     Attributes
     ----------
-    px : projector coordinate.
-    variance : px^2.
-    trusted : whether no other turn explains the pixel, and the coarser sines agree with the finer ones.
-    risky : where the next turn is less than SAFE_SIGMAS away, so that sigma itself must be right.
+    known : (2, P) projector coordinate, px, and its variance.
+    flags : (2, P) whether no other turn explains the pixel, and the coarser sines agree with the finer ones; and where
+        the next turn is less than SAFE_SIGMAS away, so that sigma itself must be right.
     missed : by how much the coarse coordinate misses the first sine below it, px; allowed : its variance.
     """
 
-    px: FloatImage
-    variance: FloatImage
-    trusted: BoolArray
-    risky: BoolArray
+    known: FloatImage
+    flags: NDArray[np.uint8]
     missed: FloatImage
     allowed: FloatImage
 
@@ -153,38 +151,29 @@ def unwrap(coarse: Coarse, steps: Sequence[Wrapped], bend: Bend, side: float) ->
     """Turn by turn: x = (m + phase) period, m the whole number that comes nearest to the coarser coordinate.
 
     A step is trusted where the coarser coordinate misses the finer by no more than MOST_SIGMAS, and the next turn
-    would be missed by more than LEAST_SIGMAS.
+    would be missed by more than LEAST_SIGMAS. Of pixels in one row.
     """
-    px, variance = coarse.px, coarse.variance + np.float32(bend.variance)
-    if coarse.phase is not None:
-        px = px - bend.at(coarse.phase)
-    reach = coarse.reach
-    trusted, risky = np.ones(px.shape, np.bool_), np.zeros(px.shape, np.bool_)
-    missed = allowed = np.zeros_like(px)
+    count = len(coarse.px)
+    known, missed, first = (np.empty((2, count), np.float32) for _ in range(3))
+    np.subtract(coarse.px, np.float32(0) if coarse.phase is None else bend.at(coarse.phase), out=known[0])
+    np.add(coarse.variance, np.float32(bend.variance), out=known[1])
+    flags = np.zeros((2, count), np.uint8)
+    flags[0] = 1
+    reach, none = coarse.reach if isinstance(coarse.reach, np.ndarray) else np.zeros(1, np.float32), np.zeros(1)
     for index, sine in enumerate(steps):
-        period = np.float32(sine.period_px)
-        finer = (np.rint(px / period - sine.phase) + sine.phase) * period
-        own = sine.variance * (period * period)
-        off = px - finer
-        both = variance + own
-        sigma = np.sqrt(both)
-        limit = np.minimum(reach + MOST_SIGMAS * sigma, period - reach - LEAST_SIGMAS * sigma)
-        if coarse.period_px > sine.period_px + SAME or coarse.phase is None:
-            trusted &= np.abs(off) <= limit
-            risky |= SAFE_SIGMAS * sigma > period
-        if index == 0:
-            missed, allowed = off, both
-        px, variance, reach = finer, own, 0.0
-    px, certain = _within(
-        px, np.float32(LEAST_SIGMAS) * np.sqrt(variance), np.float32(coarse.period_px), np.float32(side)
-    )
-    return Unwrapped(px, variance, trusted & certain, risky, missed, allowed)
-
-
-def _within(px: FloatImage, margin: FloatImage, cycle: np.float32, side: np.float32) -> tuple[FloatImage, BoolArray]:
-    """The coordinate that lies in the projector, of all that a coarse one stands for; and whether no other may."""
-    if np.isinf(cycle):
-        return px, np.ones(px.shape, np.bool_)
-    px = np.where(px < -0.5, px + cycle, px)
-    px = np.where((px > side - 0.5) & (px - cycle >= -0.5), px - cycle, px)
-    return px, (px + cycle > side - 0.5 + margin) & (px - cycle < -0.5 - margin)
+        judged = coarse.period_px > sine.period_px + SAME or coarse.phase is None
+        kernel.refine(
+            sine.phase,
+            sine.variance,
+            reach,
+            sine.period_px,
+            (MOST_SIGMAS, LEAST_SIGMAS, SAFE_SIGMAS),
+            known,
+            first if index == 0 else missed,
+            flags,
+            judged,
+        )
+        reach = none.astype(np.float32)
+    if not np.isinf(coarse.period_px):
+        kernel.keep_within(coarse.period_px, side, LEAST_SIGMAS, known, flags[0])
+    return Unwrapped(known, flags, *first)

@@ -1,0 +1,308 @@
+"""What is wrong with pictures of sines, asked before they are read: wrong phases look like any others.
+
+Of a sample of lit pixels. All sines of an axis tell one place, so a coarse one foretells the phase of the next finer;
+and all pictures share the scene, so every sine has the same mean and much the same modulation. Where that does not
+hold, what people do to a sequence is tried, and what makes it hold is told. Of orders that hold alike, the simplest
+counts, and that by which the projector's picture stands upright.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, replace
+from itertools import pairwise
+
+import numpy as np
+
+from retrue.decoding.gray.faults import CAPTURE
+from retrue.decoding.sequence.hypotheses import LATEST, Sample, take_sample
+from retrue.errors import CaptureError, InputError
+from retrue.geometry.arrays import FloatArray, Image
+from retrue.patterns.sequence import AXES, Frame, FrameSequence, Sine
+
+NEAR = 1 / 6
+"""Turns of the finer sine that a coarse one may be off; one pixel in three is so near by chance."""
+ALIKE_MEAN, ALIKE_MODULATION = 0.35, (0.4, 2.5)
+"""Of the modulation, by which means may differ, and the ratio of modulations."""
+HOLDS, CLEAR = 0.7, 0.15
+"""Share of pixels at which all agree in a sequence that is as expected; by how much another order must hold better."""
+SAME = 0.04
+"""Of the contrast: two pictures that differ by less almost everywhere show the same."""
+DARK = 0.2
+"""Of the usual brightness: pictures before the first."""
+GAMMAS = (0.45, 0.6, 0.75, 1.4, 1.8, 2.2, 2.6)
+LEAST_SHARE, LARGEST_SHARE = 0.05, 0.45
+LEAST_SPREAD = 1.15
+FEWEST_PERIODS = 4
+"""Over the projector, of a sine whose phases a scene shows about alike."""
+MOST_PERIODS = 64
+COARSE_FIRST = "the coarse sines come before the fine ones"
+ROWS_FIRST = "the row pictures come before the column pictures"
+ON_ITS_HEAD = "the projector's picture stands on its head, or the shifts of both axes run the other way"
+
+
+@dataclass(frozen=True, slots=True)
+class SineFault:
+    """What was found: `causes`, and the sequence as it truly is, None where that cannot be read."""
+
+    causes: tuple[str, ...]
+    spec: FrameSequence | None
+    share: float
+    figures: dict[str, float]
+
+
+def find_sine_fault(spec: FrameSequence, grey: Sequence[Image], names: Sequence[str]) -> SineFault | None:
+    """None where the pictures are as expected, or too few pixels are lit to tell.
+
+    Raises `CaptureError` where they are not, and nothing explains them.
+    """
+    sample = take_sample(grey, np.random.default_rng(0))
+    if sample is None or not any(_told(spec, axis) for axis in spec.axes):
+        return None
+    level = np.median(sample.here, axis=1)
+    if dark := int(np.argmax(level > DARK * np.median(level))):
+        return _unreadable(f"every picture shows what belongs {dark} earlier: the camera is late by {dark}")
+    if same := _repeated(sample, spec):
+        return _unreadable(
+            f"{names[same[0]]} and {names[same[1]]} show the same, but should not: take the capture again"
+        )
+    causes, found = list[str](), spec
+    share = _share(sample, spec)
+    as_it_was = sample.corrected(np.ones(len(grey)), share)
+    if share and agreement(as_it_was.here, spec) < agreement(sample.here, spec) - CLEAR / 3:
+        share, as_it_was = 0.0, sample
+    here = as_it_was.here
+    held = agreement(here, spec)
+    if not held > HOLDS and any(agreement(_straight(here, gamma), spec) > HOLDS for gamma in GAMMAS):
+        return None  # reading measures that, and takes it out
+    if not held > HOLDS:
+        tried = [(agreement(here, made), what, made) for what, made in _orders(spec)]
+        most = max((own[0] for own in tried), default=0.0)
+        if most > max(held + CLEAR, HOLDS):
+            alike = [own for own in tried if own[0] > most - CLEAR / 3]
+            held, what, found = max(alike, key=lambda own: (-len(own[1]), float(np.trace(_turning(as_it_was, own[2])))))
+            causes += what
+    if held > HOLDS:
+        turning = _turning(as_it_was, found)
+        aside = abs(turning[0, 1]) + abs(turning[1, 0]) > abs(turning[0, 0]) + abs(turning[1, 1])
+        if len(spec.axes) == 2 and np.linalg.det(turning) < 0 and aside:
+            exchanged = list(_valid((ROWS_FIRST,), found, _axes_exchanged(found.frames)))
+            if exchanged and ROWS_FIRST not in causes:
+                causes.append(ROWS_FIRST)
+                found = exchanged[0][1]
+                turning, aside = _turning(as_it_was, found), False
+        if len(spec.axes) == 2 and not aside and turning[0, 0] < 0 and turning[1, 1] < 0:
+            causes.append(ON_ITS_HEAD)
+        if share:
+            causes.append(f"every picture holds {100 * share:.0f} % of the one before it: synchronise, or wait longer")
+        figures = {"agreement": held, **({"share_of_picture_before": share} if share else {})}
+        return SineFault(tuple(causes), found, share, figures) if causes else None
+    for late in range(1, LATEST + 1):
+        shown = [*range(late, len(grey))]
+        part = _agreement_of(sample.here[shown], spec.frames[: len(shown)], spec)
+        if part is not None and part > max(held + CLEAR, HOLDS):
+            return _unreadable(f"every picture shows what belongs {late} earlier: the camera is late by {late}")
+    if periods := _periods(sample.here, spec):
+        return _unreadable(periods)
+    spread = _brightness(sample, spec)
+    if spread > LEAST_SPREAD:
+        return _unreadable(
+            f"brightness changes from picture to picture, by a factor of {spread:.2f}: switch automatic exposure off"
+        )
+    raise CaptureError(
+        CAPTURE,
+        f"coarse and fine sines agree at {100 * held:.0f} % of the lit pixels (one in three by chance): "
+        "are order, shifts, periods and projector size those that were shown?",
+    )
+
+
+def _unreadable(cause: str) -> SineFault:
+    return SineFault((cause,), None, 0.0, {})
+
+
+def _straight(here: FloatArray, gamma: float) -> FloatArray:
+    """As a projector without that gamma would show it, of a pixel's contrast."""
+    low = here.min(axis=0)
+    return ((here - low) / np.maximum(np.ptp(here, axis=0), 1e-6)) ** (1 / gamma)
+
+
+def _turning(sample: Sample, spec: FrameSequence) -> FloatArray:
+    """(2, 2) how the phase of each axis' finest sine goes on to the pixel on the right and below; its median."""
+    found = np.zeros((2, 2))
+    for axis in spec.axes:
+        if spec.sines(axis):
+            sine = spec.sines(axis)[0]
+            here = _fit(sample.here, sine)[1]
+            for side, beside in enumerate((sample.right, sample.below)):
+                gone = _fit(beside, sine)[1] - here
+                found[axis, side] = sine.period_px * float(np.median(gone - np.rint(gone)))
+    return found
+
+
+def agreement(here: FloatArray, spec: FrameSequence) -> float:
+    """Share of the pixels (pictures, N) at which the sines of every axis tell one place, of one scene."""
+    shares = [
+        own
+        for axis in spec.axes
+        if (own := _axis_agreement(here, spec.sines(axis), spec.projector_size[axis])) is not None
+    ]
+    return min(shares, default=1.0)
+
+
+def _agreement_of(here: FloatArray, frames: Sequence[Frame], spec: FrameSequence) -> float | None:
+    """The same of the first frames alone, by the sines that they show wholly; None where they tell nothing."""
+    shares: list[float] = []
+    for axis in spec.axes:
+        whole = [sine for sine in spec.sines(axis) if max(sine.pictures) < len(frames)]
+        if (own := _axis_agreement(here, whole, spec.projector_size[axis])) is not None:
+            shares.append(own)
+    return min(shares, default=None)
+
+
+def _axis_agreement(here: FloatArray, sines: Sequence[Sine], side: int) -> float | None:
+    if len(sines) < 2:
+        return None
+    seen = [_fit(here, sine) for sine in sines]
+    good = np.ones(here.shape[1], np.bool_)
+    for (fine, coarse), (a, b) in zip(pairwise(sines), pairwise(seen), strict=True):
+        size = np.maximum(np.minimum(a[2], b[2]), 1e-6)
+        ratio = a[2] / np.maximum(b[2], 1e-6)
+        good &= np.abs(a[0] - b[0]) < ALIKE_MEAN * size
+        good &= (ratio > ALIKE_MODULATION[0]) & (ratio < ALIKE_MODULATION[1])
+        turns = coarse.period_px / fine.period_px
+        repeats = max(side / coarse.period_px, 1) - 1
+        if abs(turns - round(turns)) * repeats < NEAR / 2:  # else the coarse one's own turns matter
+            off = b[1] * turns - a[1]
+            good &= np.abs(off - np.rint(off)) < NEAR
+    return float(np.mean(good))
+
+
+def _fit(here: FloatArray, sine: Sine) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Mean, phase in turns, and modulation of each pixel."""
+    angles = 2 * np.pi * np.array(sine.shifts)
+    design = np.stack([np.ones_like(angles), np.cos(angles), np.sin(angles)], axis=1)
+    mean, c, s = np.linalg.pinv(design) @ here[list(sine.pictures)]
+    return mean, np.arctan2(s, c) / (2 * np.pi) + sine.offset_px / sine.period_px, np.hypot(c, s)
+
+
+def _told(spec: FrameSequence, axis: int) -> bool:
+    """Whether sines alone tell that axis, several of them."""
+    return spec.gray(axis) is None and len(spec.sines(axis)) > 1
+
+
+def _orders(spec: FrameSequence) -> Iterator[tuple[tuple[str, ...], FrameSequence]]:
+    """What people do to the order of pictures and shifts, alone and together."""
+    frames = spec.frames
+    moved: dict[tuple[str, ...], list[Frame]] = {(): list(frames), (COARSE_FIRST,): _groups_reversed(frames)}
+    if len(spec.axes) == 2:
+        moved |= {(*what, ROWS_FIRST): _axes_exchanged(made) for what, made in moved.items()}
+    longest = [max(sine.period_px for sine in spec.sines(axis)) for axis in spec.axes if spec.sines(axis)]
+    for order, made in moved.items():
+        if order:
+            yield from _valid(order, spec, made)
+        fine, coarse = (_backwards(made, lambda f, c=c: (f.period_px in longest) == c) for c in (False, True))
+        yield from _valid((*order, "the shifts of the finer sines run the other way"), spec, fine)
+        yield from _valid((*order, "the shifts of the coarsest sines run the other way"), spec, coarse)
+
+
+def _valid(
+    causes: tuple[str, ...], spec: FrameSequence, frames: Sequence[Frame]
+) -> Iterator[tuple[tuple[str, ...], FrameSequence]]:
+    try:
+        yield causes, replace(spec, frames=tuple(frames), layout=None)
+    except InputError:
+        return
+
+
+def _groups_reversed(frames: Sequence[Frame]) -> list[Frame]:
+    """The sines of each axis in the opposite order, each with its shifts as they were."""
+    made = list(frames)
+    for axis in AXES:
+        places = [k for k, frame in enumerate(frames) if frame.code == "phase" and frame.axis == axis]
+        periods = list(dict.fromkeys(frames[k].period_px for k in places))
+        order = [k for period in reversed(periods) for k in places if frames[k].period_px == period]
+        for place, k in zip(places, order, strict=True):
+            made[place] = frames[k]
+    return made
+
+
+def _axes_exchanged(frames: Sequence[Frame]) -> list[Frame]:
+    places = [k for k, frame in enumerate(frames) if frame.axis is not None]
+    order = sorted(places, key=lambda k: (frames[k].axis == "column") == (frames[places[0]].axis == "column"))
+    made = list(frames)
+    for place, k in zip(places, order, strict=True):
+        made[place] = frames[k]
+    return made
+
+
+def _backwards(frames: Sequence[Frame], which: Callable[[Frame], bool]) -> list[Frame]:
+    """Those sines' shifts the other way."""
+    return [replace(f, shift=-f.shift) if f.shift is not None and which(f) else f for f in frames]
+
+
+def _repeated(sample: Sample, spec: FrameSequence) -> tuple[int, int] | None:
+    """The first two neighbours that show the same, though their frames differ."""
+    contrast = np.maximum(np.ptp(sample.here, axis=0), 1e-6)
+    for index, (a, b) in enumerate(pairwise(spec.frames)):
+        if a.code == b.code == "phase" and a != b:
+            off = np.abs(sample.here[index + 1] - sample.here[index]) / contrast
+            if np.percentile(off, 80) < SAME:
+                return index, index + 1
+    return None
+
+
+def _share(sample: Sample, spec: FrameSequence) -> float:
+    """The share s of the picture before in each, which leaves a sine's mean s (before - last) / N too large.
+
+    Least squares over the pixels, of the differences of two sines' means.
+    """
+    level: list[FloatArray] = []
+    change: list[FloatArray] = []
+    for sine in (sine for axis in spec.axes for sine in spec.sines(axis)):
+        start, end = min(sine.pictures), max(sine.pictures)
+        if end - start + 1 != len(sine.pictures):
+            continue  # between other pictures
+        level.append(np.mean(sample.here[list(sine.pictures)], axis=0))
+        before = sample.here[start - 1] if start else sample.here[end]
+        change.append((before - sample.here[end]) / len(sine.pictures))
+    if len(level) < 2:
+        return 0.0
+    y = np.concatenate([a - b for a, b in pairwise(level)])
+    x = np.concatenate([a - b for a, b in pairwise(change)])
+    power = float(x @ x)
+    slope = float(x @ y) / power if power > 0 else 0.0
+    explained = float(np.median(np.abs(y - slope * x))) < 0.7 * float(np.median(np.abs(y)))
+    share = slope / (1 + slope) if slope > -1 else 0.0
+    return share if explained and LEAST_SHARE < share < LARGEST_SHARE else 0.0
+
+
+def _brightness(sample: Sample, spec: FrameSequence) -> float:
+    """Largest over smallest mean of the pictures of a fine sine, whose phases are all seen alike."""
+    spreads = [1.0]
+    for axis in spec.axes:
+        sine = spec.sines(axis)[0] if spec.sines(axis) else None
+        if sine is not None and spec.projector_size[axis] >= FEWEST_PERIODS * sine.period_px:
+            level = sample.here[list(sine.pictures)].mean(axis=1)
+            spreads.append(float(level.max() / max(level.min(), 1e-6)))
+    return max(spreads)
+
+
+def _periods(here: FloatArray, spec: FrameSequence) -> str:
+    """That the finer sine has another number of periods within the coarse one; nothing where none fits."""
+    for axis in spec.axes:
+        sines = spec.sines(axis)
+        if len(sines) < 2:
+            continue
+        fine, coarse = sines[-2:]
+        expected = round(coarse.period_px / fine.period_px)
+        fits = {
+            count: _axis_agreement(
+                here, [replace(fine, period_px=coarse.period_px / count), coarse], spec.projector_size[axis]
+            )
+            or 0.0
+            for count in range(2, MOST_PERIODS + 1)
+        }
+        best = max(fits, key=lambda count: fits[count])
+        if best != expected and fits[best] > max(HOLDS, fits.get(expected, 0.0) + CLEAR):
+            return f"the {AXES[axis]} sines have {best} periods in one of the next coarser, the pattern says {expected}"
+    return ""

@@ -1,0 +1,351 @@
+"""Stripes of a Gray code: lit pixels, codes, edges between stripes, and the sums for planes through these."""
+
+from __future__ import annotations
+
+import cython
+from cython.cimports.libc.math import fabs, sqrt
+
+LEAST_NOISE = cython.declare(cython.float, 0.5)  # variance that rounding leaves of a difference
+CHUNK = cython.declare(cython.Py_ssize_t, 512)  # pixels of a row that stay in the processor's first cache
+TINY = cython.declare(cython.float, 1e-9)
+
+Pixel = cython.fused_type(cython.uchar, cython.ushort)
+
+
+def light(
+    white: cython.const[Pixel][:, ::1],
+    black: cython.const[Pixel][:, ::1],
+    gain: cython.float,
+    sigmas: cython.float,
+    contrast: cython.float[:, ::1],
+    noise: cython.float[:, ::1],
+    lit: cython.uchar[:, ::1],
+) -> None:
+    """`contrast` <- white - black, at least 1; `noise` <- that of a picture less its inverse; `lit` <- 0 or 1.
+
+    Lit is what is brighter in white by more than twice `sigmas` of that noise, whose variance is `gain` a grey level.
+    """
+    cython.declare(y=cython.Py_ssize_t, x=cython.Py_ssize_t, w=cython.float, b=cython.float, v=cython.float)
+    cython.declare(c=cython.float)
+    width: cython.Py_ssize_t = white.shape[1]
+    with cython.nogil:
+        for y in range(white.shape[0]):
+            for x in range(width):
+                w, b = white[y, x], black[y, x]
+                v = gain * (w + b)
+                v = sqrt(v if v > LEAST_NOISE else LEAST_NOISE)
+                c = w - b
+                noise[y, x] = v
+                lit[y, x] = c > 2 * (v * sigmas)
+                contrast[y, x] = c if c > 1 else 1
+
+
+def add_bit(
+    pattern: cython.const[Pixel][:, ::1],
+    inverse: cython.const[Pixel][:, ::1],
+    runs: cython.const[cython.int][:, ::1],
+    along: cython.Py_ssize_t,
+    room: Pixel[:, ::1],
+    code: cython.short[:, ::1],
+    first: Pixel[:, ::1],
+    second: Pixel[:, ::1],
+    near: Pixel[:, ::1],
+    far: Pixel[:, ::1],
+) -> None:
+    """The next bit of a Gray code, the most significant first, in those runs of pixels.
+
+    `code` <- twice itself and the bit; `first` and `second` <- the two smallest of |pattern - inverse| so far; `near`
+    and `far` <- the largest of it, in a pixel and in its neighbour along the axis, of bits that differ between them.
+    `room` is (4, 513).
+    """
+    cython.declare(k=cython.Py_ssize_t, i=cython.Py_ssize_t, x=cython.Py_ssize_t, y=cython.Py_ssize_t)
+    cython.declare(stop=cython.Py_ssize_t, count=cython.Py_ssize_t, beside=cython.Py_ssize_t, below=cython.Py_ssize_t)
+    height: cython.Py_ssize_t = pattern.shape[0]
+    width: cython.Py_ssize_t = pattern.shape[1]
+    with cython.nogil:
+        for k in range(runs.shape[0]):
+            y, x, stop = runs[k, 0], runs[k, 1], runs[k, 2]
+            below = min(y + 1, height - 1)
+            while x < stop:
+                count = min(CHUNK, stop - x)
+                beside = min(count + 1, width - x)
+                for i in range(beside):
+                    room[0, i] = max(pattern[y, x + i], inverse[y, x + i]) - min(pattern[y, x + i], inverse[y, x + i])
+                for i in range(beside):
+                    room[1, i] = pattern[y, x + i] > inverse[y, x + i]
+                if along == 1:
+                    for i in range(beside - 1):
+                        room[2, i] = room[0, i + 1]
+                    for i in range(beside - 1):
+                        room[3, i] = room[1, i] ^ room[1, i + 1]
+                    beside -= 1
+                else:
+                    for i in range(count):
+                        p, q = pattern[below, x + i], inverse[below, x + i]
+                        room[2, i] = max(p, q) - min(p, q)
+                    for i in range(count):
+                        room[3, i] = room[1, i] ^ (pattern[below, x + i] > inverse[below, x + i])
+                    beside = count
+                for i in range(count):
+                    code[y, x + i] = (code[y, x + i] << 1) | ((code[y, x + i] & 1) ^ room[1, i])
+                for i in range(count):
+                    room[1, i] = max(room[0, i], first[y, x + i])
+                for i in range(count):
+                    second[y, x + i] = min(room[1, i], second[y, x + i])
+                for i in range(count):
+                    first[y, x + i] = min(room[0, i], first[y, x + i])
+                for i in range(beside):
+                    room[0, i] = room[0, i] & -room[3, i]
+                for i in range(beside):
+                    room[2, i] = room[2, i] & -room[3, i]
+                for i in range(beside):
+                    near[y, x + i] = max(room[0, i], near[y, x + i])
+                for i in range(beside):
+                    far[y, x + i] = max(room[2, i], far[y, x + i])
+                x += count
+
+
+@cython.cfunc
+@cython.nogil
+@cython.inline
+@cython.exceptval(check=False)
+def _steady(here: cython.float, there: cython.float, noise: cython.float, steepest: cython.float) -> cython.bint:
+    """Whether contrast hardly changes from a pixel to the next."""
+    return fabs(there - here) <= steepest * (there if there < here else here) + 3 * noise
+
+
+def find_edges(
+    code: cython.const[cython.short][:, ::1],
+    near: cython.const[Pixel][:, ::1],
+    far: cython.const[Pixel][:, ::1],
+    contrast: cython.const[cython.float][:, ::1],
+    noise: cython.const[cython.float][:, ::1],
+    good: cython.const[cython.uchar][:, ::1],
+    columns: tuple[cython.Py_ssize_t, cython.Py_ssize_t],
+    along: cython.Py_ssize_t,
+    share: cython.float,
+    steepest: cython.float,
+    place: cython.int[::1],
+    seen: cython.float[:, ::1],
+) -> int:
+    """`place` (M,) <- flat index of the first pixel of each edge; `seen` (3, M) <- weight, fraction, value; how many.
+
+    Indices are into the columns from the first to before the second of `columns`, of which all good pixels are. Between
+    good neighbours one stripe apart, where contrast is steady between them and beside them. With margins as
+    `add_bit` has them, each relative to its own pixel's contrast, the edge is where they balance; its weight is 1 over
+    1 + (noise / (`share` of both margins))^2.
+    """
+    cython.declare(y=cython.Py_ssize_t, x=cython.Py_ssize_t, v=cython.Py_ssize_t, u=cython.Py_ssize_t)
+    cython.declare(count=cython.Py_ssize_t, step=cython.int, a=cython.float, b=cython.float, s=cython.float)
+    cython.declare(dy=cython.Py_ssize_t, dx=cython.Py_ssize_t)
+    height: cython.Py_ssize_t = code.shape[0]
+    width: cython.Py_ssize_t = code.shape[1]
+    start: cython.Py_ssize_t = columns[0]
+    stop: cython.Py_ssize_t = columns[1]
+    dy, dx = (1, 0) if along == 0 else (0, 1)
+    count = 0
+    with cython.nogil:
+        for y in range(height - dy):
+            for x in range(start, min(stop, width - dx)):
+                v, u = y + dy, x + dx
+                if not (good[y, x] & good[v, u]):
+                    continue
+                step = code[v, u] - code[y, x]
+                if step != 1 and step != -1:
+                    continue
+                if not _steady(contrast[y, x], contrast[v, u], noise[y, x], steepest):
+                    continue
+                if (
+                    y >= dy
+                    and x >= dx
+                    and not _steady(contrast[y - dy, x - dx], contrast[y, x], noise[y - dy, x - dx], steepest)
+                ):
+                    continue
+                if (
+                    v + dy < height
+                    and u + dx < width
+                    and not _steady(contrast[v, u], contrast[v + dy, u + dx], noise[v, u], steepest)
+                ):
+                    continue
+                a, b = near[y, x], far[y, x]
+                s = (a + b) * share
+                s = s * s
+                place[count] = cython.cast(cython.int, y * (stop - start) + x - start)
+                seen[0, count] = s / (s + noise[y, x] * noise[y, x])
+                a, b = a * contrast[v, u], b * contrast[y, x]
+                seen[1, count] = a / (a + b + TINY)
+                seen[2, count] = (code[y, x] + code[v, u]) * cython.cast(cython.float, 0.5)
+                count += 1
+    return count
+
+
+def moments(
+    place: cython.const[cython.int][::1],
+    seen: cython.const[cython.float][:, ::1],
+    width: cython.Py_ssize_t,
+    cell: cython.Py_ssize_t,
+    along: cython.Py_ssize_t,
+    row: cython.float[:, ::1],
+    sums: cython.float[:, :, ::1],
+) -> None:
+    """`sums` (9, cell rows, cell columns), zero before, <- means over cells of w, wx, wxx, wy, wyy, wxy, wv, wxv, wyv.
+
+    x runs along the axis, y across, both from the cell's centre; `row` (cell columns, 9) is room, zero before.
+    """
+    cython.declare(k=cython.Py_ssize_t, y=cython.Py_ssize_t, x=cython.Py_ssize_t, m=cython.Py_ssize_t)
+    cython.declare(left=cython.Py_ssize_t, c=cython.Py_ssize_t, w=cython.float, a=cython.float, b=cython.float)
+    cython.declare(wa=cython.float, wb=cython.float, wv=cython.float, start=cython.Py_ssize_t, stop=cython.Py_ssize_t)
+    count: cython.Py_ssize_t = place.shape[0]
+    middle: cython.float = (cell - 1) / cython.cast(cython.float, 2)
+    per_pixel: cython.float = 1 / cython.cast(cython.float, cell * cell)
+    with cython.nogil:
+        start = 0
+        while start < count:  # row by row: sums of few numbers each lose least
+            y = place[start] // width
+            stop = start
+            while stop < count and place[stop] < (y + 1) * width:
+                x = place[stop] - y * width
+                c = x // cell
+                a, b = cython.cast(cython.float, x % cell) - middle, cython.cast(cython.float, y % cell) - middle
+                a, b = (a, b) if along == 1 else (b, a)
+                w, a = seen[0, stop], seen[1, stop] + a
+                wa, wb, wv = w * a, w * b, w * seen[2, stop]
+                row[c, 0] += w
+                row[c, 1] += wa
+                row[c, 2] += wa * a
+                row[c, 3] += wb
+                row[c, 4] += wb * b
+                row[c, 5] += wa * b
+                row[c, 6] += wv
+                row[c, 7] += wv * a
+                row[c, 8] += wv * b
+                stop += 1
+            left = -1
+            for k in range(start, stop):
+                c = (place[k] - y * width) // cell
+                if c != left:
+                    for m in range(9):
+                        sums[m, y // cell, c] += row[c, m] * per_pixel
+                        row[c, m] = 0
+                    left = c
+            start = stop
+
+
+def misses(
+    place: cython.const[cython.int][::1],
+    seen: cython.const[cython.float][:, ::1],
+    planes: cython.const[cython.float][:, :, ::1],
+    width: cython.Py_ssize_t,
+    cell: cython.Py_ssize_t,
+    along: cython.Py_ssize_t,
+    row: cython.float[:, ::1],
+    sums: cython.float[:, :, ::1],
+) -> None:
+    """`sums` (3, cell rows, cell columns), zero before, <- means of w off^2, of w and of 1, `off` from the own plane.
+
+    `planes` (3, cell rows, cell columns): value in the cell's centre, slopes along the axis and across it. `row` as in
+    `moments`.
+    """
+    cython.declare(k=cython.Py_ssize_t, y=cython.Py_ssize_t, x=cython.Py_ssize_t, r=cython.Py_ssize_t)
+    cython.declare(c=cython.Py_ssize_t, a=cython.float, b=cython.float, off=cython.float, left=cython.Py_ssize_t)
+    cython.declare(start=cython.Py_ssize_t, stop=cython.Py_ssize_t, m=cython.Py_ssize_t)
+    count: cython.Py_ssize_t = place.shape[0]
+    middle: cython.float = (cell - 1) / cython.cast(cython.float, 2)
+    per_pixel: cython.float = 1 / cython.cast(cython.float, cell * cell)
+    with cython.nogil:
+        start = 0
+        while start < count:
+            y = place[start] // width
+            r = y // cell
+            stop = start
+            while stop < count and place[stop] < (y + 1) * width:
+                x = place[stop] - y * width
+                c = x // cell
+                a, b = cython.cast(cython.float, x % cell) - middle, cython.cast(cython.float, y % cell) - middle
+                a, b = (a, b) if along == 1 else (b, a)
+                off = seen[2, stop] - (planes[0, r, c] + planes[1, r, c] * a + planes[2, r, c] * b)
+                off = off - planes[1, r, c] * seen[1, stop]
+                row[c, 0] += off * off * seen[0, stop]
+                row[c, 1] += seen[0, stop]
+                row[c, 2] += 1
+                stop += 1
+            left = -1
+            for k in range(start, stop):
+                c = (place[k] - y * width) // cell
+                if c != left:
+                    for m in range(3):
+                        sums[m, r, c] += row[c, m] * per_pixel
+                        row[c, m] = 0
+                    left = c
+            start = stop
+
+
+def accept(
+    code: cython.const[cython.short][:, ::1],
+    planes: cython.const[cython.float][:, :, ::1],
+    sure: cython.const[cython.uchar][:, ::1],
+    even: cython.const[cython.uchar][:, ::1],
+    columns: tuple[cython.Py_ssize_t, cython.Py_ssize_t],
+    cell: cython.Py_ssize_t,
+    along: cython.Py_ssize_t,
+    farthest: cython.float,
+    certain: cython.uchar[:, ::1],
+    smooth: cython.uchar[:, ::1],
+) -> None:
+    """`certain`, `smooth` stay where the cell is `sure`, is `even` and holds the pixel's own code within `farthest`.
+
+    The cells begin at the first of `columns`; none is looked at from the second on.
+    """
+    cython.declare(y=cython.Py_ssize_t, x=cython.Py_ssize_t, r=cython.Py_ssize_t, c=cython.Py_ssize_t)
+    cython.declare(a=cython.float, b=cython.float, i=cython.float, j=cython.float)
+    middle: cython.float = (cell - 1) / cython.cast(cython.float, 2)
+    start: cython.Py_ssize_t = columns[0]
+    with cython.nogil:
+        for y in range(code.shape[0]):
+            r = y // cell
+            j = cython.cast(cython.float, y - r * cell) - middle
+            for x in range(start, columns[1]):
+                if certain[y, x] | smooth[y, x]:
+                    c = (x - start) // cell
+                    i = cython.cast(cython.float, x - start - c * cell) - middle
+                    a, b = (i, j) if along == 1 else (j, i)
+                    a = planes[0, r, c] + planes[1, r, c] * a + planes[2, r, c] * b
+                    certain[y, x] &= sure[r, c]
+                    smooth[y, x] &= even[r, c] & (fabs(code[y, x] - a) < farthest)
+
+
+def coordinates(
+    pixels: cython.const[cython.Py_ssize_t][::1],
+    planes: cython.const[cython.float][:, :, ::1],
+    error: cython.const[cython.float][:, ::1],
+    frame: tuple[cython.Py_ssize_t, cython.Py_ssize_t, cython.Py_ssize_t],
+    cell: cython.Py_ssize_t,
+    along: cython.Py_ssize_t,
+    centre: cython.double,
+    step: cython.double,
+    px: cython.double[::1],
+    found: cython.float[::1],
+) -> None:
+    """`px` (N,) <- (n + `centre`) `step` - 1/2 with n of the cell's plane at those pixels; `found` <- its
+    mean square error.
+
+    `pixels` are flat indices into a band; `frame`: its width, and which of its rows and columns the cells begin at,
+    rows counted upwards.
+    """
+    cython.declare(k=cython.Py_ssize_t, y=cython.Py_ssize_t, x=cython.Py_ssize_t, r=cython.Py_ssize_t)
+    cython.declare(c=cython.Py_ssize_t, a=cython.float, b=cython.float)
+    middle: cython.float = (cell - 1) / cython.cast(cython.float, 2)
+    width: cython.Py_ssize_t = frame[0]
+    above: cython.Py_ssize_t = frame[1]
+    left: cython.Py_ssize_t = frame[2]
+    with cython.nogil:
+        for k in range(pixels.shape[0]):
+            y = pixels[k] // width
+            x = pixels[k] - y * width - left
+            y += above
+            r, c = y // cell, x // cell
+            a, b = cython.cast(cython.float, x % cell) - middle, cython.cast(cython.float, y % cell) - middle
+            a, b = (a, b) if along == 1 else (b, a)
+            a = planes[0, r, c] + planes[1, r, c] * a + planes[2, r, c] * b
+            px[k] = (a + centre) * step - 0.5
+            found[k] = error[r, c]

@@ -1,0 +1,92 @@
+"""Sequences of sines in another order, backwards, late or with a share of the picture before: read, or named."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from itertools import pairwise
+
+import cv2
+import numpy as np
+import pytest
+
+from retrue.correspondences import Correspondences
+from retrue.decoding.decode import decode
+from retrue.errors import CaptureError
+from retrue.geometry.arrays import Image
+from retrue.patterns.sequence import Frame, FrameSequence
+
+SIZE, CAMERA = (96, 72), (200, 150)
+
+
+def sines(axis: int, periods: tuple[int, ...] = (8, 1)) -> list[Frame]:
+    name = ("column", "row")[axis]
+    return [Frame("phase", name, period_px=SIZE[axis] / p, shift=k / 4) for p in periods for k in range(4)]
+
+
+FRAMES = [sines(0), sines(1)]
+PATTERN = FrameSequence(SIZE, tuple(FRAMES[0] + FRAMES[1]))
+
+
+def seen(frames: list[Frame]) -> list[Image]:
+    """As a camera sees them, twice as large and a little turned."""
+    rng = np.random.default_rng(4)
+    turn = np.array([[1.9, 0.1, 6.0], [-0.1, 1.9, 12.0]])
+    shown = FrameSequence(SIZE, tuple(frames)).render()
+    lit = [8 + 0.7 * cv2.warpAffine(picture.astype(np.float32), turn, CAMERA) for picture in shown]
+    return [np.clip(np.rint(picture + rng.normal(0, 0.8, picture.shape)), 0, 255).astype(np.uint8) for picture in lit]
+
+
+def error(points: Correspondences) -> float:
+    """The largest inside: at the border a pixel sees the end of the picture, too."""
+    turn = np.linalg.inv(np.array([[1.9, 0.1], [-0.1, 1.9]]))
+    return float(np.percentile(np.abs(points.projector_px - (points.camera_px - [6.0, 12.0]) @ turn.T), 95))
+
+
+def backwards(frames: list[Frame], period: float) -> list[Frame]:
+    return [replace(f, shift=-f.shift) if f.period_px == period and f.shift is not None else f for f in frames]
+
+
+@pytest.mark.parametrize(
+    ("frames", "said"),
+    [
+        (FRAMES[1] + FRAMES[0], "row pictures come before"),
+        (sines(0, (1, 8)) + sines(1, (1, 8)), "coarse sines come before"),
+        (backwards(backwards(FRAMES[0] + FRAMES[1], 96), 72), "shifts of the coarsest sines run the other way"),
+    ],
+)
+def test_another_order_is_read_and_said(frames: list[Frame], said: str) -> None:
+    points = decode(PATTERN, seen(frames))
+    assert points.card is not None
+    assert said in points.card.advice[0]
+    assert len(points) > 10_000
+    assert error(points) < 0.5
+
+
+def test_what_is_as_expected_is_read_without_a_word() -> None:
+    points = decode(PATTERN, seen(FRAMES[0] + FRAMES[1]))
+    assert points.card is not None
+    assert not any("read all the same" in line for line in points.card.advice)
+    assert error(points) < 0.5
+
+
+def test_a_share_of_the_picture_before_is_taken_out() -> None:
+    pictures = [picture.astype(float) for picture in seen(FRAMES[0] + FRAMES[1])]
+    mixed = [pictures[0], *(0.75 * now + 0.25 * before for before, now in pairwise(pictures))]
+    points = decode(PATTERN, [np.rint(picture).astype(np.uint8) for picture in mixed])
+    assert points.card is not None
+    assert "25 % of the one before" in points.card.advice[0]
+    assert error(points) < 0.5
+
+
+@pytest.mark.parametrize(
+    ("change", "said"),
+    [
+        (lambda pictures: [np.full_like(pictures[0], 3)] * 2 + pictures[:-2], "the camera is late by 2"),
+        (lambda pictures: [*pictures[:3], pictures[2], *pictures[4:]], "picture 3 and picture 4 show the same"),
+        (lambda pictures: seen(sines(0, (10, 1)) + sines(1, (10, 1))), "10 periods in one"),
+        (lambda pictures: pictures[:5] + pictures[6:], "expected 16 pictures"),
+    ],
+)
+def test_what_cannot_be_read_is_named(change, said: str) -> None:
+    with pytest.raises(CaptureError, match=said):
+        decode(PATTERN, change(seen(FRAMES[0] + FRAMES[1])))
