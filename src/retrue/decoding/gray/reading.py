@@ -12,11 +12,9 @@ from numpy.typing import NDArray
 from retrue.decoding.gray.bits import decode_axis
 from retrue.decoding.gray.plan import MAX_CELL, UNDECIDED, Plan, noise_of_difference
 from retrue.decoding.gray.sequence import GraySequence
-from retrue.decoding.gray.stripe_edges import FloatImage, find_edges, fit_planes
+from retrue.decoding.gray.stripe_edges import LARGEST_RESIDUAL, FloatImage, find_edges, fit_planes
 from retrue.geometry.arrays import BoolArray, FloatArray, Image
 
-LARGEST_RESIDUAL = 0.25
-"""Stripes, RMS: edges that scatter more about their plane belong to several surfaces, or to none."""
 LARGEST_SIGMA = 0.05
 """Stripes: above it, too few edges, or all of them to one side."""
 FARTHEST_CODE = 0.75

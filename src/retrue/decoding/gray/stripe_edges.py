@@ -17,6 +17,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from retrue.decoding.gray.bend import plane_bias
 from retrue.decoding.gray.bits import AxisCode, neighbours
 from retrue.geometry.arrays import BoolArray
 
@@ -26,6 +27,8 @@ EDGE_SIGMA = 0.05
 """Camera pixels: how well an edge is found when noise plays no part (JPEG, albedo, the shape of the edge)."""
 WINDOW_SIGMA, WINDOW_RADIUS = 1.25, 3
 """Cells: standard deviation and reach of the Gaussian window."""
+LARGEST_RESIDUAL = 0.25
+"""Stripes, RMS: edges that scatter more about their plane belong to several surfaces, or to none."""
 STEEPEST_CONTRAST = 0.3
 """Where brightness changes by more than this share from pixel to pixel, light leaks across and shifts the edge."""
 
@@ -125,6 +128,7 @@ def fit_planes(edges: Edges, along: int) -> PlaneFit:
     value -= slope_x * x + slope_y * y
     lever = (yy * (x * x) - 2 * xy * (x * y) + xx * (y * y)) / determinant
 
+    slopes = cast(FloatImage, slope_x), cast(FloatImage, slope_y)
     slope_x, slope_y, value = (_per_pixel(image, cell) for image in (slope_x, slope_y, value))
     fitted = value + slope_x * inner_x + slope_y * inner_y
     off = cast(FloatImage, v - fitted - slope_x * edges.fraction)
@@ -139,6 +143,10 @@ def fit_planes(edges: Edges, along: int) -> PlaneFit:
     mean_square = cast(FloatImage, squares / (weights + tiny))
     of_weight_1 = squares / (count + tiny) + np.float32((EDGE_SIGMA / cell) ** 2)
     variance = cast(FloatImage, of_weight_1 * per_weight * (1 + np.maximum(lever, 0)) * np.float32(0.5 / cell**2))
+    whole = ((mean_square < LARGEST_RESIDUAL**2) & (weights > tiny)).view(np.uint8)
+    moments = cast("dict[str, FloatImage]", {"x": x, "y": y, "xx": xx, "yy": yy, "xy": xy})
+    bias = plane_bias(slopes, moments, whole, cell, along)
+    fitted -= _per_pixel(bias, cell)
     height, width = edges.shape
     return PlaneFit(fitted[:height, :width], mean_square, variance, cell)
 
