@@ -347,8 +347,8 @@ class Space {
     if (this.clicks.length === 1) return `${this.clicks[0].at.map((value) => this.length(value)).join(", ")}: click the other end.`;
     const [a, b] = this.clicks, apart = Math.hypot(...a.at.map((value, axis) => value - b.at[axis])), sigma = Math.hypot(a.sigma, b.sigma);
     const said = `${this.length(apart)}${sigma ? ` ± ${this.length(sigma)}` : ""}`, truth = Number(this.root.querySelector(".truth input").value);
-    const places = this.clicks.map((one) => `--at ${one.at.map((value) => Number(value.toPrecision(6))).join(" ")}`).join(" ");
-    this.write(command, `retrue scale rig.json CLOUD ${places} --length ${truth > 0 ? truth : "L"}${this.unit} --out scaled.json`);
+    const places = this.clicks.flatMap((one) => one.at.map((value) => Number(value.toPrecision(6)))).join(" ");
+    this.write(command, `retrue scale rig.json cloud.ply --known points:${truth > 0 ? truth : "LENGTH"}${this.unit} --at ${places} --out scaled.json`);
     if (!(truth > 0)) return said;
     const factor = truth * (this.spec.unit in METRES && this.unit in METRES ? METRES[this.unit] / METRES[this.spec.unit] : 1) / apart;
     return `${said}: lengths × ${factor.toPrecision(5)}${sigma ? ` ± ${(factor * sigma / apart).toPrecision(2)}` : ""}`;
