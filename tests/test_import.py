@@ -27,7 +27,7 @@ PUBLIC = [
     "read_folder", "read_history", "read_image", "read_pattern", "read_points", "read_rig",
     "read_stereo_captures", "recalibrate", "reconstruct", "residual_picture", "rig_views", "roll_back",
     "scale_from_ball", "scale_from_ball_bar", "scale_from_points", "scaled_rig", "simulate", "triangulate",
-    "verify", "warp", "warped_picture", "with_normals", "write_bag", "write_cloud", "write_colmap",
+    "verify", "view_html", "warp", "warped_picture", "with_normals", "write_bag", "write_cloud", "write_colmap",
     "write_depth_map", "write_in_place", "write_mesh", "write_nerfstudio", "write_pattern", "write_png",
     "write_points", "write_report", "write_rig", "write_ros", "write_st_map", "write_step", "write_view",
     "write_warp_mesh",

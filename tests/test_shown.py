@@ -77,6 +77,21 @@ def test_names_cannot_break_out_of_a_notebook() -> None:
     assert "&lt;b&gt;" in html
 
 
+@pytest.mark.parametrize("name", ["Accepted", "Calibrated", "Cloud", "Mesh", "Rig"])
+def test_a_notebook_shows_what_lies_in_space_in_a_frame_of_its_own(name: str) -> None:
+    page = Tags()
+    tags: list[tuple[str, dict[str, str | None]]] = []
+    page.handle_starttag = lambda tag, attrs: (page.open.append(tag), tags.append((tag, dict(attrs))))  # type: ignore
+    page.feed(examples()[name]._repr_html_())
+    (frame,) = (attributes for tag, attributes in tags if tag == "iframe")
+    assert frame["sandbox"] == "allow-scripts"
+    inner = frame["srcdoc"]
+    assert inner is not None
+    assert inner.startswith("<!doctype html>")
+    assert "default-src 'none'" in inner
+    assert "class Space" in inner
+
+
 def test_an_answer_says_what_was_found_and_how_sure_it_is() -> None:
     accepted = examples()["Accepted"]
     assert isinstance(accepted, retrue.Accepted)

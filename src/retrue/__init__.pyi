@@ -77,6 +77,7 @@ from retrue.geometry.transform import RigidTransform as RigidTransform
 from retrue.geometry.triangulation import triangulate as triangulate
 from retrue.merging.merge import merge as merge
 from retrue.merging.options import MergeOptions as MergeOptions
+from retrue.pages import view_html as view_html
 from retrue.pages import write_report as write_report
 from retrue.pages import write_view as write_view
 from retrue.patterns.color_grid import ColorGrid as ColorGrid

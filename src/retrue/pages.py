@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from datetime import UTC, datetime
+from html import escape
 from itertools import zip_longest
 from os import PathLike
 from pathlib import Path
@@ -80,6 +81,29 @@ def write_view(
     page = model_page(models, rig, before, path.stem)
     with replaced_file(path) as stream:
         stream.write(page.encode(errors="backslashreplace"))
+
+
+def view_html(*models: Cloud | Mesh, rig: Rig | None = None, before: Cloud | None = None, most: int = 50_000) -> str:
+    """The view of `write_view` as a piece of HTML for notebooks, in a frame of its own.
+
+    Parameters
+    ----------
+    models, rig, before : as `write_view` takes them; a rig alone shows its devices.
+    most : points that are kept of each cloud; a notebook keeps all of them in its file.
+
+    Raises
+    ------
+    InputError : nothing to show, or models in several units.
+
+    >>> import numpy as np
+    >>> ball = np.random.default_rng(0).normal(size=(500, 3)) + [0, 0, 9]
+    >>> cloud = Cloud(ball, np.full((500, 3), 90, np.uint8), ball[:, :2], "m")
+    >>> view_html(cloud)[:33]
+    '<iframe title="retrue" sandbox="a'
+    """
+    page = model_page(models, rig, before, "retrue", most=most, heading=False)
+    style = "width:100%;height:480px;border:0"
+    return f'<iframe title="retrue" sandbox="allow-scripts" style="{style}" srcdoc="{escape(page)}"></iframe>'
 
 
 def write_page(path: Path, page: Page, command: str) -> None:

@@ -9,7 +9,7 @@ from typing import Any
 from retrue.errors import require_kind
 from retrue.geometry.camera import Camera
 from retrue.geometry.transform import RigidTransform
-from retrue.shown import ShortRepr, Shown
+from retrue.shown import ShortRepr, Shown, in_space
 from retrue.values import ByValue
 
 
@@ -43,6 +43,9 @@ class Rig(ByValue, ShortRepr):
         if self.evidence:
             rows["evidence"] = ", ".join(map(str, self.evidence))
         return f"in {self.unit}", rows
+
+    def _in_space(self) -> str:
+        return in_space(rig=self)
 
 
 def require_rig(value: object) -> None:

@@ -44,7 +44,12 @@ class ShortRepr:
             f'<tr><td style="text-align: left">{escape(name)}</td><td style="text-align: left">{escape(text)}</td></tr>'
             for name, text in rows.items()
         )
-        return f"<div><b>{type(self).__name__}</b>: {escape(title)}{cells and f'<table>{cells}</table>'}</div>"
+        said = f"<div><b>{type(self).__name__}</b>: {escape(title)}{cells and f'<table>{cells}</table>'}</div>"
+        return said + self._in_space()
+
+    def _in_space(self) -> str:
+        """What a notebook shows below the words, to turn with the mouse; nothing, unless a class has something."""
+        return ""
 
 
 class HasReport:
@@ -60,6 +65,13 @@ class HasReport:
         from retrue import write_report  # by its public name: only the root knows all floors
 
         write_report(path, cast("Any", self), **given)
+
+
+def in_space(*models: Any, **given: Any) -> str:
+    """What `retrue.view_html` makes of them."""
+    from retrue import view_html  # by its public name: only the root knows all floors
+
+    return view_html(*models, **given)
 
 
 def figures(value: float | None, count: int = 3) -> str:

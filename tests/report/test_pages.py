@@ -19,7 +19,7 @@ from retrue.recalibration.result import Evidence, PoseCandidate
 from retrue.report.evidence_tables import evidence_blocks
 from retrue.report.figures import embedded_picture, numbers, polyline
 from retrue.report.lengths import shown_unit
-from retrue.report.page import Chart, Page, Table, Tabs
+from retrue.report.page import Chart, Page, Space, Table, Tabs
 from retrue.report.recalibration_page import recalibration_page
 from retrue.report.residual_section import round_factor
 from tests.recalibration.scenes import RIG, WALL, Scene, bumped, capture
@@ -41,6 +41,12 @@ def charts(page: Page) -> Iterator[Chart]:
                 yield block
             elif isinstance(block, Tabs):
                 yield from (chart for _, chart in block.panels)
+
+
+def names_in_space(page: Page) -> set[str]:
+    """What stands in the drawings in space."""
+    blocks = (block for section in page.sections for block in section.blocks)
+    return {name for block in blocks if isinstance(block, Space) for name in block.names}
 
 
 def text_of(document: str) -> str:
@@ -109,8 +115,8 @@ def test_an_accepted_change(pages):
     assert pages["accepted"].advice[0].startswith("Measure with new.json from now on")
     assert PROVENANCE.command in words
     assert "retrue 0.1.0" in words
-    names = {trace["name"] for chart in charts(pages["accepted"]) for trace in chart.figure["data"] if "name" in trace}
-    assert {"points", "plane", "camera", "projector before", "projector after", "Rival 1"} <= names
+    expected = {"points before", "points after", "plane", "camera", "projector before", "projector after", "Rival 1"}
+    assert names_in_space(pages["accepted"]) == expected
 
 
 def test_a_refusal_says_what_to_do_and_still_shows_what_was_seen(pages):
@@ -119,8 +125,7 @@ def test_a_refusal_says_what_to_do_and_still_shows_what_was_seen(pages):
     assert page.sentence.startswith("Another pose explains the captures as well")
     assert page.sentence.endswith("Nothing was written.")
     assert page.advice == ("Put an object or a second plane in view.",)
-    names = {trace["name"] for chart in charts(page) for trace in chart.figure["data"] if "name" in trace}
-    assert {"Rival 1", "points"} <= names
+    assert {"Rival 1", "camera"} <= names_in_space(page)
     few = pages["hardly_anything"]
     assert few.advice == ("Light more of the scene.",)
     assert "found 5" in few.sentence
@@ -165,8 +170,8 @@ def test_a_calibration_shows_boards_coverage_and_sigmas(pages):
     assert "Points are known to" in words
     for heading in ("Poses of the board", "What the board covered", "How well each pose fits", "What came out"):
         assert heading in words
-    scene, camera, projector, bars = charts(page)
-    assert [trace["name"] for trace in scene.figure["data"][:5]] == [f"capture_{k}" for k in range(5)]
+    camera, projector, bars = charts(page)
+    assert names_in_space(page) == {"camera", "projector", *(f"capture_{k}" for k in range(5))}
     for chart, size in ((camera, (1280, 960)), (projector, (1024, 768))):
         assert chart.figure["layout"]["xaxis"]["range"] == [-0.5, size[0] - 0.5]
         assert "times as long" in chart.caption

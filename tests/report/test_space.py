@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 from scipy.spatial import cKDTree
 
-from retrue import Cloud, InputError, write_view
+from retrue import Cloud, InputError, Mesh, write_view
 from retrue.report.space import MOST_POINTS, Layer, Line, space_html, space_page
 
 BROWSER = shutil.which("chromium")
@@ -51,11 +51,32 @@ def test_the_first_points_are_an_even_thinning():
     assert counts.min() > 8
 
 
-def test_too_many_points_are_thinned_and_that_is_said(monkeypatch):
-    monkeypatch.setattr("retrue.report.space.MOST_POINTS", 1000)
+def test_too_many_points_are_thinned_and_that_is_said():
     assert MOST_POINTS >= 2_000_000
-    (layer,) = spec_of(space_html([Layer("points", plane())]))["layers"]
+    (layer,) = spec_of(space_html([Layer("points", plane())], most=1000))["layers"]
     assert layer["of"] == "1,000 of 4,000"
+    assert len(unpacked(layer["place"], "<u2")) == 3 * 1000
+
+
+def test_a_mesh_of_too_many_faces_is_shown_as_points(monkeypatch):
+    cloud = plane(30)
+    mesh = Mesh(cloud.points, cloud.colors, np.arange(30).reshape(-1, 3), "mm")
+    (layer,) = spec_of(space_html([Layer("mesh", mesh)]))["layers"]
+    assert (len(unpacked(layer["faces"], "<u4")), layer["of"]) == (30, "30")
+    monkeypatch.setattr("retrue.report.space.MOST_FACES", 9)
+    (layer,) = spec_of(space_html([Layer("mesh", mesh)]))["layers"]
+    assert (layer["faces"], layer["of"]) == (None, "30, as points: 10 faces are too many")
+
+
+def test_all_that_is_to_be_seen_at_first_is_named():
+    far = Line("far", np.array([[0.0, 0, 0], [0, 0, 5000]]), (1, 1, 1))
+    layers = [Layer("points", plane())]
+    near, whole = (np.array(spec_of(space_html(layers, [far], about=about))["ends"]) for about in ("points", "all"))
+    assert near[:, 2].max() == pytest.approx(1000)
+    assert whole[:, 2].max() == 5000
+    alone = spec_of(space_html([], [far]))
+    assert np.array(alone["ends"])[:, 2].tolist() == [0, 5000]
+    assert alone["layers"] == []
 
 
 def test_what_cannot_be_drawn_is_refused():
@@ -63,7 +84,7 @@ def test_what_cannot_be_drawn_is_refused():
         space_html([])
     with pytest.raises(InputError, match="one unit"):
         space_html([Layer("a", plane()), Layer("b", plane(unit="m"))])
-    with pytest.raises(InputError, match="expected a cloud or a mesh"):
+    with pytest.raises(InputError, match="expected points"):
         write_view("never.html")
 
 

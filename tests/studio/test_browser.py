@@ -187,10 +187,11 @@ def test_from_an_empty_folder_to_a_rig_that_is_calibrated_bumped_and_mended(brow
         other = opened(browser, server.address, complaints, viewport={"width": 390, "height": 844}, color_scheme="dark")
         press(other, "Check", "^drifted: .* recalibrated: ")
         expect(page.get_by_role("status")).to_contain_text("recalibrated", timeout=PATIENCE)  # both tabs show the same
-        expect(page.get_by_text("after: with the new rig")).to_be_visible(timeout=PATIENCE)
-        page.get_by_role("slider").click(position={"x": 3, "y": 10})
-        expect(page.get_by_text("before: with the rig as it is in the file")).to_be_visible(timeout=PATIENCE)
-        canvas = page.locator("canvas").bounding_box()
+        expect(page.get_by_text("left: with the rig as it is in the file; right: with the new rig")).to_be_visible()
+        space = page.frame_locator("iframe")
+        expect(space.locator(".space[data-ready]")).to_be_visible(timeout=PATIENCE)
+        space.get_by_label("From before to after").fill("20")
+        canvas = space.locator("canvas").bounding_box()
         assert canvas is not None
         assert min(canvas["width"], canvas["height"]) > 200
         photograph(page, pictures, "6-drifted")

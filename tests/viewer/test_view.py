@@ -6,6 +6,7 @@ import signal
 import socket
 import subprocess
 import sys
+import urllib.error
 import urllib.request
 from contextlib import closing
 from pathlib import Path
@@ -14,16 +15,15 @@ import numpy as np
 import pytest
 
 from retrue import Camera, Cloud, Mesh, Rig, RigidTransform, write_points, write_rig
-from retrue.cli.main import main
 from retrue.correspondences import Correspondences
 from retrue.errors import FileError, InputError
 from retrue.files.history import write_in_place
 from retrue.files.models import write_cloud, write_mesh
 from retrue.recalibration.result import Accepted, Evidence
-from retrue.viewer import scene as scene_file
-from retrue.viewer import server as server_file
+from retrue.report.space import PROJECTOR_COLOR
 from retrue.viewer.contents import read_contents
-from retrue.viewer.scene import PROJECTOR_COLOR, TWIN_COLOR, make_scene
+from retrue.viewer.scene import TWIN_COLOR, make_scene
+from retrue.viewer.server import serving
 
 CAMERA = Camera((640, 480), [[500, 0, 320], [0, 500, 240], [0, 0, 1]])
 POSE = RigidTransform.from_rotation_vector([0, 0.2, 0], [-200.0, 0, 0])
@@ -63,59 +63,65 @@ def files(tmp_path):
 
 def test_the_scene_holds_all_that_the_files_hold(files):
     scene = make_scene(read_contents(files))
-    assert [frustum.name for frustum in scene.frusta] == [
-        "rig.json/camera",
-        "rig.json/projector",
-        "answer.json/candidate 1",
-        "answer.json/candidate 2",
+    once = [line for line in scene.lines if not line.moment]
+    assert [line.name for line in once] == [
+        "rig.json: camera",
+        "rig.json: projector",
+        "answer.json: candidate 1",
+        "answer.json: candidate 2",
     ]
-    assert [shape.name for shape in scene.shapes] == ["cloud.ply", "mesh.glb", "points.csv"]
-    (line,) = scene.time_lines
-    assert [frustum.name for frustum in line.frusta] == ["rig.json/history/1", "rig.json/history/2"]
-    assert [caption.split(",")[0] for caption in line.captions] == ["1: found", "2: recalibrated"]
-    assert not any(frustum.visible for frustum in line.frusta)
+    assert [layer.name for layer in scene.layers] == ["cloud.ply", "mesh.glb", "points.csv"]
+    history = [line for line in scene.lines if line.moment]
+    assert {line.name for line in history} == {"rig.json: history"}
+    assert [line.moment.split(",")[0] for line in history] == ["1: found", "2: recalibrated"]
     assert scene.notes == ()
 
 
-def test_everything_is_in_metres_and_in_the_camera_frame(files):
+def test_everything_is_in_the_unit_and_the_camera_frame_of_the_rig(files):
     scene = make_scene(read_contents(files))
-    cloud, mesh, points = scene.shapes
-    exact = plate().points / 1000
-    for shape in (cloud, mesh, points):
-        assert np.allclose(shape.points, exact[: len(shape.points)], atol=1e-6)
-    _, projector, chosen, twin = scene.frusta
-    assert np.allclose(projector.lines[0, 0], TWIN.inverse().t / 1000)
-    assert np.allclose(chosen.lines[0, 0], POSE.inverse().t / 1000)
+    exact = plate().points
+    for layer in scene.layers:
+        assert layer.model.unit == "mm"
+        assert np.allclose(layer.model.points, exact[: len(layer.model.points)], atol=1e-3)
+    _, projector, chosen, twin, *_ = scene.lines
+    assert np.allclose(projector.places[0], TWIN.inverse().t)
+    assert np.allclose(chosen.places[0], POSE.inverse().t)
     # The far corners of the projector's frustum are seen in the corners of its picture.
-    far = projector.lines[:4, 1] * 1000
     corners = [[-0.5, -0.5], [639.5, -0.5], [639.5, 479.5], [-0.5, 479.5]]
-    assert np.allclose(CAMERA.project(TWIN.apply(far)), corners)
+    assert np.allclose(CAMERA.project(TWIN.apply(projector.places[1::4])), corners)
     assert (chosen.color, chosen.label) == (PROJECTOR_COLOR, "chosen")
     assert (twin.color, twin.label) == (TWIN_COLOR, "twin")
 
 
-def test_large_clouds_are_thinned_and_that_is_said(tmp_path, monkeypatch):
-    monkeypatch.setattr(scene_file, "MOST_SHOWN", 150)
-    write_cloud(tmp_path / "cloud.ply", plate(400))
-    scene = make_scene(read_contents([tmp_path / "cloud.ply"]))
-    assert len(scene.shapes[0].points) == 134
-    assert scene.notes == ("cloud.ply: thinned to 134 of 400 points",)
+def test_without_a_rig_the_first_model_gives_the_unit(tmp_path):
+    write_cloud(tmp_path / "a.ply", plate(unit="cm"))
+    write_cloud(tmp_path / "b.ply", plate(unit="m"))
+    a, b = make_scene(read_contents([tmp_path / "a.ply", tmp_path / "b.ply"])).layers
+    assert a.model.unit == b.model.unit == "cm"
+    assert np.allclose(b.model.points, 100 * a.model.points)
 
 
-def test_viser_holds_the_nodes_and_listens_on_loopback_only(files):
-    pytest.importorskip("viser", reason="viser is not installed")
-    scene = make_scene(read_contents(files))
+def test_of_two_clouds_the_first_is_before(files):
+    contents = read_contents([files[2], files[3]])
+    assert [layer.when for layer in make_scene(contents, compare=True).layers] == ["before", "after"]
+    with pytest.raises(InputError, match="expected two clouds to compare, found 3"):
+        make_scene(read_contents(files), compare=True)
+
+
+def test_one_page_is_served_on_loopback_only_and_to_nobody_elses_name(files):
     port = free_port()
-    with server_file.serving(scene, "127.0.0.1", port) as server:
-        nodes = set(server.scene._handle_from_node_name)
-        names = [*(shape.name for shape in scene.shapes), *(frustum.name for frustum in scene.frusta)]
-        assert {f"/{name}" for name in names} <= nodes
-        assert "/rig.json/history/2" in nodes
-        assert server.scene._handle_from_node_name["/rig.json/history/2"].visible
-        assert not server.scene._handle_from_node_name["/rig.json/history/1"].visible
+    with serving(make_scene(read_contents(files)).page("a view"), "127.0.0.1", port):
         with urllib.request.urlopen(f"http://127.0.0.1:{port}") as page:
             assert page.status == 200
+            assert "<title>a view</title>" in page.read().decode()
         assert listening_addresses(port) == {"127.0.0.1"}
+        stranger = urllib.request.Request(f"http://127.0.0.1:{port}", headers={"Host": f"elsewhere.example:{port}"})
+        for request in (stranger, f"http://127.0.0.1:{port}/etc/passwd"):
+            with pytest.raises(urllib.error.HTTPError) as refused:
+                urllib.request.urlopen(request)
+            with refused.value as answer:
+                assert answer.status == 404
+                assert answer.read() == b""
 
 
 def listening_addresses(port):
@@ -130,30 +136,18 @@ def listening_addresses(port):
     return found or pytest.skip("no /proc/net to ask")
 
 
-def test_a_port_in_use_is_an_error(files):
-    pytest.importorskip("viser", reason="viser is not installed")
-    scene = make_scene(read_contents(files[:1]))
+def test_a_port_in_use_is_an_error():
     with closing(socket.create_server(("127.0.0.1", 0))) as taken:
         port = taken.getsockname()[1]
         with (
             pytest.raises(InputError, match=f"cannot listen on 127.0.0.1:{port}.*another --port"),
-            server_file.serving(scene, "127.0.0.1", port),
+            serving("", "127.0.0.1", port),
         ):
             pass
 
 
-def test_a_missing_viser_names_the_extra(monkeypatch, files, capsys):
-    def absent(name):
-        raise ImportError(name)
-
-    monkeypatch.setattr(server_file, "import_module", absent)
-    assert main(["view", str(files[0])]) == 2
-    assert capsys.readouterr().err == "retrue: the viewer needs viser: pip install '.[view]'\n"
-
-
 @pytest.mark.parametrize("stop", [signal.SIGINT, signal.SIGTERM])
 def test_the_command_prints_its_address_and_ends_cleanly(files, stop):
-    pytest.importorskip("viser", reason="viser is not installed")
     program = "import sys; from retrue.cli.main import main; sys.exit(main())"
     arguments = ["view", *map(str, files), "--port", str(free_port()), "--json"]
     with subprocess.Popen(
@@ -197,4 +191,4 @@ def test_two_files_of_one_name_are_told_apart(tmp_path):
         (tmp_path / folder).mkdir()
         write_cloud(tmp_path / folder / "cloud.ply", plate())
     scene = make_scene(read_contents([tmp_path / folder / "cloud.ply" for folder in ("a", "b")]))
-    assert len({shape.name for shape in scene.shapes}) == 2
+    assert len({layer.name for layer in scene.layers}) == 2

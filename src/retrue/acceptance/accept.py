@@ -23,11 +23,8 @@ COVERAGE_FACTOR = 2.0
 Quantity = Literal["form", "size", "spacing", "flatness"]
 Decision = Literal["passed", "failed", "undecided", "measured"]
 SYMBOLS: dict[Quantity, str] = {"form": "PF", "size": "PS", "spacing": "SD", "flatness": "F"}
-SMALLEST_BALL, SHORTEST_BAR, SMALLEST_PLANE = (
-    0.02,
-    0.3,
-    0.5,
-)  # of the measuring volume's diagonal, as the guideline has it
+SMALLEST_BALL, SHORTEST_BAR, SMALLEST_PLANE = 0.02, 0.3, 0.5
+"""Of the measuring volume's diagonal, as the guideline is quoted."""
 LEAST_SURE = 0.1  # expanded uncertainty of a diameter, of the diameter
 NEAR_LENGTH = 0.2  # of a bar's length: what two balls may be off to be its own
 
@@ -255,7 +252,7 @@ def _refused(name: str, cause: Reason) -> Position:
 
 
 def _too_small(artefact: Artefact, options: AcceptOptions) -> Reason | None:
-    """The guideline's proportions; of a plane they are those of what is found."""
+    """The proportions that are quoted of the guideline; of a plane they are those of what is found."""
     if options.diagonal is None:
         return None
     for what, length, share in (

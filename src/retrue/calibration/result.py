@@ -15,7 +15,7 @@ from retrue.calibration.observations import View, corner_group
 from retrue.geometry.arrays import FloatArray
 from retrue.geometry.transform import RigidTransform
 from retrue.rig import Rig
-from retrue.shown import HasReport, ShortRepr, Shown, counted, figures
+from retrue.shown import HasReport, ShortRepr, Shown, counted, figures, in_space
 from retrue.values import ByValue
 
 
@@ -90,6 +90,9 @@ class Calibrated(ByValue, ShortRepr, HasReport):
     def _shown(self) -> Shown:
         rows = _rows(self.evidence, self.views, self.rig.unit)
         return self.reason, rows | {"advice": "; ".join(self.evidence.get("advice", ())) or "none"}
+
+    def _in_space(self) -> str:
+        return in_space(rig=self.rig)
 
 
 @dataclass(frozen=True, slots=True, eq=False, repr=False)

@@ -7,11 +7,14 @@ import signal
 import threading
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 from tyro.conf import Positional, arg
 
 from retrue.cli.command import Command, Outcome, log, require_writable
+
+if TYPE_CHECKING:
+    from retrue.viewer.scene import Scene
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -30,7 +33,7 @@ class View(Command):
     out
         Write a page that needs no server instead: HTML that loads nothing, to turn, cut and measure.
     compare
-        On that page the first of two clouds is "before", the second "after": a slider goes from one to the other.
+        The first of two clouds is "before", the second "after": a slider goes from one to the other.
     """
 
     files: Positional[Annotated[tuple[Path, ...], arg(metavar="FILE...")]]
@@ -40,31 +43,29 @@ class View(Command):
     compare: bool = False
 
     def run(self) -> Outcome:
-        return self._serve() if self.out is None else self._write(self.out)
-
-    def _write(self, out: Path) -> Outcome:
-        from retrue.files.atomic import replaced_file
-        from retrue.viewer.contents import read_contents
-        from retrue.viewer.page import contents_page
-
-        require_writable(out)
-        page = contents_page(read_contents(self.files), compare=self.compare, title=out.stem)
-        with replaced_file(out) as stream:
-            stream.write(page.encode(errors="backslashreplace"))
-        return Outcome({"out": str(out)}, f"{out}: open it in a browser")
-
-    def _serve(self) -> Outcome:
         from retrue.viewer.contents import read_contents
         from retrue.viewer.scene import make_scene
-        from retrue.viewer.server import require_viser, serving
 
-        require_viser()
-        scene = make_scene(read_contents(self.files))
+        if self.out is not None:
+            require_writable(self.out)
+        scene = make_scene(read_contents(self.files), compare=self.compare)
         for note in scene.notes:
             log(note)
+        return self._served(scene) if self.out is None else self._written(scene, self.out)
+
+    def _written(self, scene: Scene, out: Path) -> Outcome:
+        from retrue.files.atomic import replaced_file
+
+        with replaced_file(out) as stream:
+            stream.write(scene.page(out.stem).encode(errors="backslashreplace"))
+        return Outcome({"out": str(out), "notes": list(scene.notes)}, f"{out}: open it in a browser")
+
+    def _served(self, scene: Scene) -> Outcome:
+        from retrue.viewer.server import serving
+
         signal.signal(signal.SIGTERM, signal.default_int_handler)
         address = f"http://{self.host}:{self.port}"
-        with contextlib.suppress(KeyboardInterrupt), serving(scene, self.host, self.port):
+        with contextlib.suppress(KeyboardInterrupt), serving(scene.page("retrue view"), self.host, self.port):
             log(f"look at {address}; Ctrl-C ends it")
             threading.Event().wait()
         return Outcome({"address": address, "notes": list(scene.notes)}, "ended")

@@ -19,7 +19,7 @@ from retrue.merging.pairs import Pair, coarse_pose, fine_pair, require_libraries
 from retrue.merging.surface import Surface, make_surface, surface_mesh
 from retrue.merging.view import View, local_normals, make_view, require_points_for_view, usual_cell, usual_spacing
 from retrue.reconstruction.cloud import Cloud, Mesh
-from retrue.shown import ShortRepr, Shown, counted, figures
+from retrue.shown import ShortRepr, Shown, counted, figures, in_space
 from retrue.values import ByValue
 
 LEAST_IN_GROUP = 2
@@ -86,6 +86,9 @@ class Merged(ByValue, ShortRepr):
             "loops close": f"within {figures(self.closure_sigma, 2)} sigma",
         }
         return self.reason, rows
+
+    def _in_space(self) -> str:
+        return in_space(self.cloud)
 
 
 @dataclass(frozen=True, slots=True, eq=False, repr=False)

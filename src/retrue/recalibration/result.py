@@ -21,7 +21,7 @@ from retrue.recalibration.scale import inverse_depths
 from retrue.recalibration.summary import change_text, evidence_rows, lens_condition, verification_rows
 from retrue.rig import Rig
 from retrue.rig_difference import displacement_rms, rig_difference
-from retrue.shown import HasReport, ShortRepr, Shown, figures
+from retrue.shown import HasReport, ShortRepr, Shown, figures, in_space
 from retrue.values import ByValue
 
 Band = Literal["holds", "improvable", "recalibrate", "cannot tell"]
@@ -202,6 +202,9 @@ class Accepted(ByValue, ShortRepr, HasReport):
     def _shown(self) -> Shown:
         condition = lens_condition(self.evidence.lenses)
         return f"{condition and f'{condition}, '}{self.reason}", evidence_rows(self.evidence, self.rig.unit)
+
+    def _in_space(self) -> str:
+        return in_space(rig=self.rig)
 
 
 @dataclass(frozen=True, slots=True, eq=False, repr=False)

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from retrue.errors import InputError, require_kind
 from retrue.geometry.arrays import BoolArray, FloatArray, IntArray
 from retrue.reconstruction.uncertainty import Errors, Uncertainty
-from retrue.shown import HasReport, ShortRepr, Shown, counted, figures
+from retrue.shown import HasReport, ShortRepr, Shown, counted, figures, in_space
 from retrue.values import ByValue
 
 
@@ -96,6 +96,9 @@ class Cloud(ByValue, ShortRepr, HasReport):
             rows["with"] = ", ".join(with_)
         return f"{counted(len(self), 'point')} in {self.unit}", rows
 
+    def _in_space(self) -> str:
+        return in_space(self) if len(self) else ""
+
 
 def require_cloud(value: object) -> None:
     """An `InputError` that says what to hand in where `value` is no `Cloud`."""
@@ -121,3 +124,6 @@ class Mesh(ByValue, ShortRepr):
 
     def _shown(self) -> Shown:
         return f"{counted(len(self.points), 'point')}, {counted(len(self.faces), 'face')} in {self.unit}", {}
+
+    def _in_space(self) -> str:
+        return in_space(self) if len(self.points) else ""

@@ -4,7 +4,8 @@ Decoders say how sure one point is beside another, and often how sure it is; whe
 residuals tell. Rays miss each other ACROSS the epipolar line by nothing but noise, at every point. ALONG it, where an
 error is one of depth, points scatter about the smooth surface that they lie on, where it is smooth. So across the line
 it is measured how the noise goes with the decoder's own sigma, and how it grows at the rim of a surface, where
-a pixel sees two; and from both, over the same steps of the capture's grid, how much more or less there is along it.
+a pixel sees two; and along it, over steps of the capture's grid, how much there is in all, and in each part of the
+picture.
 """
 
 from __future__ import annotations
@@ -33,10 +34,12 @@ MOST_LEVELS = 12
 BELIEF = 2.0  # points that the decoder's own word counts as
 SMALLEST = 1e-6  # of the stated sigma: made up of exact numbers
 RIM = 3  # cells from the rim of a surface that are looked at one by one
-STEPS_PER_SIDE = 160  # of third differences, on the longer side of the grid: longer than neighbours err alike
+STEPS_PER_SIDE = 80  # of third differences, on the longer side of the grid: longer than neighbours err alike
 THIRD = np.array([1.0, -3.0, 3.0, -1.0])
 FEWEST_CHAINS = 100
 MOST_CHAINS = 200_000
+PER_BLOCK, MOST_BLOCKS = 200, 32
+"""Chains that tell the noise in one part of the picture, and how many parts there are on its longer side at most."""
 BLOCK = 1 << 15
 
 
@@ -62,10 +65,9 @@ def point_noise(
         if grid is not None:
             level = level * _rim_levels(residual_px / (across * level), _cells_from_rim(grid, len(X)))
     if grid is not None:
-        seen = residual_px / (across * level) if both else None
-        found = _along_over_across(X, along * level, seen, grid)
-        stated |= found is not None
-        level = level * (found or 1.0)
+        found = _scatter_in_depth(X, along * level, grid)
+        if found is not None:
+            stated, level = True, level * found
     return (camera * level, projector * level) if both or stated else None
 
 
@@ -151,24 +153,40 @@ def _rim_levels(z: FloatArray, cells: IntArray) -> FloatArray:
     return level
 
 
-def _along_over_across(X: FloatArray, along: FloatArray, across: FloatArray | None, grid: SurfaceGrid) -> float | None:
-    """How many times as much noise there is along the epipolar lines as across them; None where too few points tell.
+def _scatter_in_depth(X: FloatArray, along: FloatArray, grid: SurfaceGrid) -> FloatArray | None:
+    """(N,) how many times as much points scatter along the epipolar lines as expected; None where too few tell.
 
-    `along` (N,) is the sigma of 1 / Z that is expected, `across` (N,) are residuals in their sigmas, None of one
-    coordinate. Both are freed of what is smooth, by third differences over the grid, so that what they lose of slow
-    errors is alike: of a ball, of which a step covers a tenth of the radius, they leave a few thousandths of a step.
+    `along` (N,) is the sigma of 1 / Z that is expected. Third differences over the grid free depth of what is smooth:
+    of a ball, of which a step covers a tenth of the radius, they leave a few thousandths of a step. A decoder's sigma
+    says little of the waves where its pattern and the camera's pixels beat, strong in one place, none in the next: so
+    the picture is cut into blocks, the size of the differences (Huber's, as `_size`) is taken of all and of each, and
+    interpolated between the blocks' middles.
     """
+    from scipy import ndimage
+
     step = max(1, max(grid.index.shape) // STEPS_PER_SIDE)
     chains = np.concatenate([_chains(grid.index, grid.right, step), _chains(grid.index.T, grid.down.T, step)])
     if len(chains) < FEWEST_CHAINS:
         return None
     chains = chains[:: max(1, len(chains) // MOST_CHAINS)]
-    scale = np.sqrt((THIRD**2 * along[chains] ** 2).sum(axis=1))
-    depth = _size((1 / X[chains, 2]) @ THIRD / scale, 0)
-    if across is None:
-        return depth
-    miss = _size(across[chains] @ THIRD / np.linalg.norm(THIRD), 0)
-    return depth / miss if miss > SMALLEST else None
+    off: FloatArray = ((1 / X[chains, 2]) @ THIRD) / np.sqrt((THIRD**2 * along[chains] ** 2).sum(axis=1))
+    everywhere = _size(off, 0)
+    off = off / everywhere
+
+    side = max(1, round(np.sqrt(grid.index.size * PER_BLOCK / len(chains))), -(-max(grid.index.shape) // MOST_BLOCKS))
+    place = np.zeros((len(X), 2), dtype=np.int64)
+    place[grid.index[grid.index >= 0]] = np.argwhere(grid.index >= 0)
+    blocks = tuple(-(-extent // side) for extent in grid.index.shape)
+    block = np.ravel_multi_index(tuple((place[chains[:, 1]] // side).T), blocks)
+    told = np.bincount(block, minlength=blocks[0] * blocks[1])
+    size = np.ones(len(told))
+    for _ in range(ROUNDS):
+        clipped = np.minimum(off**2, (CLIPPED * size[block]) ** 2)
+        size = np.sqrt(np.bincount(block, clipped, len(told)) / CLIPPED_SQUARE / np.maximum(told, 1))
+        size = np.where(told > 0, np.maximum(size, SMALLEST), 1.0)
+    logs = (np.log(size) * told / (told + PER_BLOCK / 4)).reshape(blocks)
+    between = (place.T + 0.5) / side - 0.5
+    return everywhere * np.exp(cast("Any", ndimage).map_coordinates(logs, between, order=1, mode="nearest"))
 
 
 def _chains(index: IntArray, right: BoolArray, step: int) -> IntArray:

@@ -10,12 +10,11 @@ import numpy as np
 
 from retrue.calibration.result import FittedView
 from retrue.geometry.arrays import FloatArray
-from retrue.geometry.transform import RigidTransform
 from retrue.report.figures import harmless, numbers, picture_layout, polyline
-from retrue.report.lengths import LengthUnit
-from retrue.report.page import Chart
+from retrue.report.page import Block, Chart
 from retrue.report.residual_section import round_factor
-from retrue.report.scene import Device, outline_trace, scene_chart
+from retrue.report.scene import board_scene
+from retrue.report.space import Vector
 from retrue.rig import Rig
 from retrue.shown import figures
 
@@ -23,29 +22,13 @@ CORNER_ARROW_SHARE = 0.015  # of the picture's width: how long a typical residua
 VIEW_COLORS = ("#4c94e0", "#df8440", "#3aa876", "#b96bd0", "#cf9d1c", "#dc625c", "#4bafbd", "#8f84e8")
 
 
-def board_scene(views: Sequence[FittedView], rig: Rig | None, unit: LengthUnit) -> Chart:
-    """Every pose of the board before the devices, as in Fig. 6 of Zhang, Li, Wu 2007."""
-    corners = [_outline(view) for view in views]
-    devices = (
-        [
-            Device("camera", rig.camera, RigidTransform.identity(), "var(--camera)"),
-            Device("projector", rig.projector, rig.projector_from_camera.inverse(), "var(--after)"),
-        ]
-        if rig is not None
-        else []
-    )
-    traces = [
-        outline_trace(corner[None], unit, name, view_color(index), legend=len(views) <= len(VIEW_COLORS))
-        for index, (corner, name) in enumerate(zip(corners, view_names(views), strict=True))
+def boards_in_space(views: Sequence[FittedView], rig: Rig | None) -> Block:
+    """Every pose of the board before the devices, in the colours of the charts."""
+    boards = [
+        (name, _outline(view), _red_green_blue(view_color(index)))
+        for index, (view, name) in enumerate(zip(views, view_names(views), strict=True))
     ]
-    return scene_chart(
-        devices,
-        traces,
-        np.concatenate(corners),
-        unit,
-        "Poses of the board before camera and projector",
-        "Drag to turn, scroll to zoom. Poses should be tilted each another way, nearer and farther.",
-    )
+    return board_scene(boards, rig)
 
 
 def coverage_chart(views: Sequence[FittedView], device: int, size: tuple[int, int], name: str) -> Chart:
@@ -120,6 +103,11 @@ def view_names(views: Sequence[FittedView]) -> list[str]:
 def view_color(index: int) -> str:
     """Each pose has its own, as far as they reach."""
     return VIEW_COLORS[index % len(VIEW_COLORS)]
+
+
+def _red_green_blue(color: str) -> Vector:
+    red, green, blue = bytes.fromhex(color.removeprefix("#"))
+    return red / 255, green / 255, blue / 255
 
 
 def _outline(view: FittedView) -> FloatArray:

@@ -11,7 +11,7 @@ from retrue.calibration.result import Calibrated, FittedView, RefusedCalibration
 from retrue.calibration.setup import INTRINSICS
 from retrue.geometry.camera import Camera
 from retrue.geometry.transform import vector_from_rotation
-from retrue.report.calibration_charts import board_scene, coverage_chart, residuals_per_view, view_names
+from retrue.report.calibration_charts import boards_in_space, coverage_chart, residuals_per_view, view_names
 from retrue.report.lengths import LengthUnit, pixels, problem_and_advice, sentence, shown_unit
 from retrue.report.page import Block, Fact, Page, Section, Table, Tabs
 from retrue.rig import Rig
@@ -36,7 +36,7 @@ def calibration_page(
     rig = result.rig if isinstance(result, Calibrated) else None
     sections: list[Section] = []
     if views:
-        scene = board_scene(views, rig, shown)
+        scene = boards_in_space(views, rig)
         tabs = Tabs(
             tuple(
                 (name.capitalize(), coverage_chart(views, device, size, name))

@@ -8,7 +8,7 @@ import io
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from retrue.geometry.arrays import FloatArray, Image
 
@@ -34,11 +34,6 @@ def polyline(pieces: FloatArray) -> FloatArray:
 def harmless(text: str) -> str:
     """Text for a drawing, which would take some tags for its own."""
     return html.escape(text, quote=False)
-
-
-def hex_colors(colors: NDArray[np.uint8]) -> list[str]:
-    """(N, 3) red, green, blue as the web writes them."""
-    return [f"#{red:02x}{green:02x}{blue:02x}" for red, green, blue in colors.tolist()]
 
 
 def every(count: int, most: int) -> slice:

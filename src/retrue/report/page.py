@@ -9,6 +9,8 @@ from functools import cache
 from importlib.resources import files
 from typing import Any, Literal
 
+from retrue.report.space import space_assets
+
 Tone = Literal["good", "warn", "bad"]
 Figure = Mapping[str, Any]
 """What Plotly draws: `data`, `layout`. A color may be "var(--name)", a custom property of page.css."""
@@ -86,10 +88,12 @@ class Space:
     ----------
     html : as `space_html` makes it.
     caption : how to read it.
+    names : of what is drawn.
     """
 
     html: str
     caption: str = ""
+    names: tuple[str, ...] = ()
     kind: str = field(default="space", init=False)
 
 
@@ -161,7 +165,8 @@ def _space_assets(page: Page) -> dict[str, str] | None:
     """Style and script of drawings in space, where there are any."""
     if not any(isinstance(block, Space) for section in page.sections for block in section.blocks):
         return None
-    return {"style": _asset("space.css"), "script": _asset("space.js")}
+    style, script = space_assets()
+    return {"style": style, "script": script}
 
 
 def _asset(name: str) -> str:

@@ -29,7 +29,8 @@ def recalibration_page(before: Rig, captures: Sequence[Capture], result: Accepte
     """
     unit, evidence = shown_unit(before.unit), result.evidence
     after = _after(before, result)
-    scene = change_scene(before, after, evidence.candidates, cloud_of(after or before, captures), unit)
+    clouds = [cloud_of(rig, captures) for rig in (before, after) if rig is not None]
+    scene = change_scene(before, after, evidence.candidates, clouds)
     sections = [Section("In space", _scene_lead(result), (scene,))]
     if after is not None and evidence.change is not None:
         poses = {"before": before.projector_from_camera, "after": after.projector_from_camera}

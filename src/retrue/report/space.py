@@ -24,11 +24,13 @@ from retrue.geometry.transform import RigidTransform
 from retrue.reconstruction.cloud import Cloud, Mesh
 from retrue.rig import Rig
 
-MOST_POINTS = 2_000_000  # of a page; more are thinned evenly, and the page says so
+MOST_POINTS = 2_000_000  # of a layer; more are thinned evenly, and the page says so
+MOST_FACES = 800_000  # of a mesh; where there are more, its points are shown
 STRAY_SHARE = 0.002  # of the points, at either end of each axis: strays must not shrink the rest
 FRUSTUM_SHARE = 0.16  # of the distance to the scene
 CAMERA_COLOR, PROJECTOR_COLOR = (0.43, 0.66, 1.0), (0.95, 0.6, 0.3)
 Vector = tuple[float, float, float]
+About = Literal["points", "all"]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -52,25 +54,63 @@ class Layer:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Line:
-    """Segments between places (2 N, 3), one after the other."""
+    """Segments between places (2 N, 3), one after the other.
+
+    Attributes
+    ----------
+    body : (3 M, 3) corners of triangles that one sees through; None: no body.
+    label : written at the first place.
+    moment : what happened then; of lines that have one, a slider shows one at a time.
+    """
 
     name: str
     places: FloatArray
     color: Vector
+    body: FloatArray | None = None
+    label: str = ""
+    moment: str = ""
 
 
-def rig_lines(rig: Rig, distance: float, name: str = "") -> list[Line]:
-    """The frusta of both devices, in the camera frame, for a scene at that distance."""
-    ends = ((rig.camera, RigidTransform.identity(), "camera", CAMERA_COLOR),)
-    ends += ((rig.projector, rig.projector_from_camera.inverse(), "projector", PROJECTOR_COLOR),)
+def frustum(
+    name: str, device: Camera, camera_from_device: RigidTransform, length: float, color: Vector, *, solid: bool = True
+) -> Line:
+    """The pyramid that a device sees, up to that depth; without a body for what is no longer so, or never was."""
+    o, corners = camera_from_device.t, camera_from_device.apply(device.frustum(length))
+    sides = [(corners[k], corners[(k + 1) % 4]) for k in range(4)]
+    edges = np.array([end for near, far in sides for end in (o, near, near, far)])
+    body = np.array([end for near, far in sides for end in (o, near, far)]) if solid else None
+    return Line(name, edges, color, body)
+
+
+def outline(name: str, corners: FloatArray, color: Vector, *, solid: bool = False) -> Line:
+    """A closed outline (4, 3), such as a board's or, with a body, a plane's."""
+    edges = np.stack([corners, np.roll(corners, -1, axis=0)], axis=1).reshape(-1, 3)
+    return Line(name, edges, color, corners[[0, 1, 2, 0, 2, 3]] if solid else None)
+
+
+def rig_lines(rig: Rig, distance: float) -> list[Line]:
+    """Both devices in the camera frame, for a scene at that distance."""
+    length, pose = FRUSTUM_SHARE * distance, rig.projector_from_camera.inverse()
     return [
-        Line(f"{what} {name}".strip(), _frustum(device, pose, FRUSTUM_SHARE * distance), color)
-        for device, pose, what, color in ends
+        frustum("camera", rig.camera, RigidTransform.identity(), length, CAMERA_COLOR),
+        frustum("projector", rig.projector, pose, length, PROJECTOR_COLOR),
     ]
 
 
-def space_html(layers: Sequence[Layer], lines: Sequence[Line] = (), label: str = "Points in space") -> str:
+def space_html(
+    layers: Sequence[Layer],
+    lines: Sequence[Line] = (),
+    label: str = "Points in space",
+    *,
+    about: About = "points",
+    most: int = MOST_POINTS,
+) -> str:
     """The drawing as a piece of a page, without its script and style (`space_assets`).
+
+    Parameters
+    ----------
+    about : what fills the view at first: the points, or all that is drawn, devices too.
+    most : points of a layer; more are thinned evenly.
 
     Raises
     ------
@@ -80,7 +120,8 @@ def space_html(layers: Sequence[Layer], lines: Sequence[Line] = (), label: str =
 
     environment = jinja2.Environment(autoescape=True)
     environment.policies["json.dumps_kwargs"] = {"allow_nan": False, "separators": (",", ":")}
-    return environment.from_string(_asset("space.html.j2")).render(label=label, spec=_spec(layers, lines))
+    spec = _spec(layers, lines, about, most)
+    return environment.from_string(_asset("space.html.j2")).render(label=label, spec=spec)
 
 
 def space_assets() -> tuple[str, str]:
@@ -88,35 +129,53 @@ def space_assets() -> tuple[str, str]:
     return _asset("space.css"), _asset("space.js")
 
 
-def space_page(layers: Sequence[Layer], lines: Sequence[Line] = (), title: str = "retrue") -> str:
-    """The drawing as a page of its own, that loads nothing."""
+def space_page(
+    layers: Sequence[Layer],
+    lines: Sequence[Line] = (),
+    title: str = "retrue",
+    *,
+    about: About = "points",
+    most: int = MOST_POINTS,
+    heading: bool = True,
+) -> str:
+    """The drawing as a page of its own, that loads nothing; without a heading it fills a frame of another page."""
     style, script = space_assets()
+    head, room = (f"<h1>{escape(title)}</h1>", "1rem") if heading else ("", "0")
     return (
         '<!doctype html><html lang="en"><head><meta charset="utf-8">'
         '<meta http-equiv="Content-Security-Policy" content="default-src \'none\'; img-src data: blob:; '
         "style-src 'unsafe-inline'; script-src 'unsafe-inline'\">"
         '<meta name="viewport" content="width=device-width, initial-scale=1"><link rel="icon" href="data:,">'
         f"<title>{escape(title)}</title><style>{_asset('page.css')}\n{style}\n"
-        "body{max-width:none;padding:1rem}.space canvas{height:calc(100vh - 12rem)}</style></head><body>"
-        f"<h1>{escape(title)}</h1>{space_html(layers, lines, title)}<script>{script}</script></body></html>"
+        f"body{{max-width:none;padding:{room};display:flex;flex-direction:column;height:100dvh}}"
+        ".space{flex:1;display:flex;flex-direction:column;min-height:0}.space .stage{flex:1;min-height:12rem}"
+        f".space canvas{{position:absolute;height:100%;min-height:0}}</style></head><body>"
+        f"{head}{space_html(layers, lines, title, about=about, most=most)}<script>{script}</script></body></html>"
     )
 
 
-def model_page(models: Sequence[Cloud | Mesh], rig: Rig | None, before: Cloud | None, title: str) -> str:
+def model_page(
+    models: Sequence[Cloud | Mesh],
+    rig: Rig | None,
+    before: Cloud | None,
+    title: str,
+    *,
+    most: int = MOST_POINTS,
+    heading: bool = True,
+) -> str:
     """Models as a page of their own, with the devices of a rig; `before` is compared with the first by a slider."""
     require_kinds(list(models), (Cloud, Mesh), "models", "retrue.reconstruct makes one")
-    if not models:
-        raise InputError("write_view: expected a cloud or a mesh, found none")
     layers = [Layer(f"part {k}" if len(models) > 1 else "points", model) for k, model in enumerate(models, 1)]
-    if before is not None:
+    if before is not None and models:
         layers = [Layer("before", before, when="before"), Layer("after", models[0], when="after"), *layers[1:]]
-    distance = float(np.median(models[0].points[:, 2])) if len(models[0].points) else 1.0
-    return space_page(layers, rig_lines(rig, distance) if rig is not None else (), title)
+    far = [float(np.median(model.points[:, 2])) for model in models if len(model.points)]
+    lines = rig_lines(rig, far[0] if far else float(np.linalg.norm(rig.projector_from_camera.t))) if rig else ()
+    return space_page(layers, lines, title, about="points" if far else "all", most=most, heading=heading)
 
 
-def _spec(layers: Sequence[Layer], lines: Sequence[Line]) -> dict[str, Any]:
+def _spec(layers: Sequence[Layer], lines: Sequence[Line], about: About, most: int) -> dict[str, Any]:
     shown = [layer for layer in layers if len(layer.model.points)]
-    if not shown:
+    if not shown and not lines:
         raise InputError("view: expected points, found none")
     units = {layer.model.unit for layer in shown}
     if len(units) > 1:
@@ -129,28 +188,49 @@ def _spec(layers: Sequence[Layer], lines: Sequence[Line]) -> dict[str, Any]:
         if len(known):
             low, high = np.quantile(known, [0.01, 0.99]).tolist()
             ranges[name] = [low, max(high, 1.01 * low)]
-    inner = np.concatenate([_inner(layer.model.points) for layer in shown])
+    ends = [line.places for line in lines]
+    inner = np.concatenate([_inner(layer.model.points) for layer in shown] or ends)
     low, high = inner.min(axis=0), inner.max(axis=0)
     return {
-        "unit": units.pop(),
+        "unit": units.pop() if units else "",
         "low": low.tolist(),
         "high": high.tolist(),
-        "middle": np.median(np.concatenate([layer.model.points for layer in shown]), axis=0).tolist(),
+        **_whole_view(shown, low, high, np.concatenate(ends) if ends and (about == "all" or not shown) else None),
+        "mode": "true" if any(np.ptp(layer.model.colors, axis=0).any() for layer in shown) else "depth",
         "ranges": ranges,
-        "layers": [_packed_layer(layer, ranges) for layer in shown],
-        "lines": [{"name": line.name, "color": list(line.color), "places": line.places.tolist()} for line in lines],
+        "layers": [_packed_layer(layer, ranges, most) for layer in shown],
+        "lines": [
+            {
+                "name": line.name,
+                "color": list(line.color),
+                "places": line.places.tolist(),
+                "body": None if line.body is None else line.body.tolist(),
+                "label": line.label,
+                "moment": line.moment,
+            }
+            for line in lines
+        ],
     }
 
 
-def _packed_layer(layer: Layer, ranges: dict[str, list[float]]) -> dict[str, Any]:
+def _whole_view(shown: Sequence[Layer], low: FloatArray, high: FloatArray, lines: FloatArray | None) -> dict[str, Any]:
+    """What the view turns about, from where, and what it shows whole: the box of the points; of devices, from aside."""
+    ends = np.stack(np.meshgrid(*np.stack([low, high], axis=1)), axis=-1).reshape(-1, 3)
+    if lines is not None:
+        ends = np.concatenate([ends, lines]) if shown else lines
+    middle = (ends.min(axis=0) + ends.max(axis=0)) / 2
+    return {"middle": middle.tolist(), "ends": ends.tolist(), "turn": [-0.35, -0.12] if lines is None else [-0.8, 0.35]}
+
+
+def _packed_layer(layer: Layer, ranges: dict[str, list[float]], most: int) -> dict[str, Any]:
     model = layer.model
     count = len(model.points)
     rows = np.arange(count)
     faces: str | None = None
-    if isinstance(model, Mesh):
+    if isinstance(model, Mesh) and len(model.faces) <= MOST_FACES:
         faces = _packed(model.faces.astype("<u4"))
     else:
-        rows = np.random.default_rng(0).permutation(count)[:MOST_POINTS]
+        rows = np.random.default_rng(0).permutation(count)[:most]
     points = model.points[rows]
     low = points.min(axis=0)
     extent = np.maximum(points.max(axis=0) - low, 1e-30)
@@ -163,7 +243,7 @@ def _packed_layer(layer: Layer, ranges: dict[str, list[float]]) -> dict[str, Any
     facing = None if normals is None else _packed(np.rint(127 * np.nan_to_num(normals[rows])).astype(np.int8))
     return {
         "name": layer.name,
-        "of": f"{len(rows):,} of {count:,}" if len(rows) < count else f"{count:,}",
+        "of": _said(layer, len(rows), faces is not None),
         "when": layer.when,
         "aside": layer.aside,
         "low": low.tolist(),
@@ -174,6 +254,15 @@ def _packed_layer(layer: Layer, ranges: dict[str, list[float]]) -> dict[str, Any
         "facing": facing,
         "faces": faces,
     }
+
+
+def _said(layer: Layer, drawn: int, with_faces: bool) -> str:
+    """How much of it is drawn."""
+    count = len(layer.model.points)
+    said = f"{drawn:,} of {count:,}" if drawn < count else f"{count:,}"
+    if isinstance(layer.model, Mesh) and not with_faces:
+        return f"{said}, as points: {len(layer.model.faces):,} faces are too many"
+    return said
 
 
 def _scalar(layer: Layer, name: str) -> FloatArray | None:
@@ -195,12 +284,6 @@ def _inner(points: FloatArray) -> FloatArray:
     """(2, 3) the box of all points but a few strays."""
     few = points[:: max(1, len(points) // 100_000)]
     return np.quantile(few, [STRAY_SHARE, 1 - STRAY_SHARE], axis=0)
-
-
-def _frustum(device: Camera, camera_from_device: RigidTransform, length: float) -> FloatArray:
-    centre, corners = camera_from_device.t, camera_from_device.apply(device.frustum(length))
-    pairs = [end for k in range(4) for end in (centre, corners[k], corners[k], corners[(k + 1) % 4])]
-    return np.array(pairs)
 
 
 def _packed(array: NDArray[Any]) -> str:

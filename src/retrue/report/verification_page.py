@@ -25,7 +25,7 @@ def verification_page(rig: Rig, captures: Sequence[Capture], verification: Verif
         Section(
             "In space",
             "The points as this rig measures them.",
-            (rig_scene(rig, cloud, unit, verification.supported_pose),),
+            (rig_scene(rig, cloud, verification.supported_pose),),
         )
     ]
     if verification.drift is not None:

@@ -8,6 +8,7 @@ from typing import Any
 
 from retrue.errors import InputError
 from retrue.files.images import jpeg
+from retrue.studio.drawings import in_space
 from retrue.studio.guard import Guard
 from retrue.studio.page import Page
 from retrue.studio.studio import Studio
@@ -46,6 +47,11 @@ def serve(studio: Studio, token: str, port: int) -> None:
         if look is None:
             return responses.Response(status_code=404, headers=headers)
         return responses.Response(jpeg(look.picture), media_type="image/jpeg", headers=headers)
+
+    @app.get("/space")
+    def space() -> Any:
+        page = in_space(studio.state.offer, studio.state.cloud)
+        return responses.HTMLResponse(page, headers={"Cache-Control": "no-store"})
 
     @ui.page("/", title="retrue studio")
     def page() -> None:

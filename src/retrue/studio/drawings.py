@@ -1,25 +1,25 @@
-"""What the studio draws over its live picture and beside it, as SVG; and clouds as the 3D scene takes them."""
+"""What the studio draws over its live picture and beside it, as SVG; and its clouds in space."""
 
 from __future__ import annotations
 
 from collections.abc import Collection, Sequence
 from datetime import datetime
 from html import escape
-from typing import Any
 
 import numpy as np
 
 from retrue.geometry.arrays import FloatArray
 from retrue.reconstruction.cloud import Cloud
+from retrue.report.space import Layer, rig_lines, space_page
 from retrue.shown import figures
 from retrue.studio.calibrating import Progress
 from retrue.studio.drift_log import Reading
 from retrue.studio.guide import CELLS
 from retrue.studio.look import Look
+from retrue.studio.state import Offer
 
 MOST_DOTS = 600
-MOST_POINTS = 20_000
-VIEW = 4.0  # units of the scene that a cloud is scaled to
+MOST_POINTS = 300_000  # of a scan, as it is shown at once; the file holds all
 SEEN, WISHED = "#00e5ff", "#ffb300"
 COLORS = {"good": "#21a366", "drifted": "#e5484d", "unknown": "#8b8d98"}
 PLOT = 320, 120  # units of the drift's drawing
@@ -104,11 +104,13 @@ def drift_plot(readings: Sequence[Reading], unit: str) -> str:
     )
 
 
-def placed(cloud: Cloud, middle: Any = None) -> tuple[Sequence[Any], Sequence[Any]]:
-    """Points and colours for the scene, whose z points up: (x, z, -y) of the camera's frame, about the middle."""
-    step = max(1, -(-len(cloud) // MOST_POINTS))
-    points, colors = cloud.points[::step], cloud.colors[::step]
-    about = points - (np.median(points, axis=0) if middle is None else middle)
-    size = max(float(np.percentile(np.linalg.norm(about, axis=1), 95)), 1e-9)
-    about = np.clip(about * (0.5 * VIEW / size), -5 * VIEW, 5 * VIEW)
-    return np.column_stack([about[:, 0], about[:, 2], -about[:, 1]]).round(4).tolist(), (colors / 255).round(3).tolist()
+def in_space(offer: Offer | None, cloud: Cloud | None) -> str:
+    """A page: the last scan, or while a rig is offered, the capture with the old rig and with the new, by a slider."""
+    layers = [Layer("scan", cloud)] if cloud is not None else []
+    if offer is not None:
+        layers = [Layer("before", offer.before, when="before"), Layer("after", offer.after, when="after")]
+    if not any(len(layer.model.points) for layer in layers):
+        return ""
+    points: FloatArray = np.concatenate([layer.model.points for layer in layers])
+    lines = rig_lines(offer.result.rig, float(np.median(points[:, 2]))) if offer is not None else ()
+    return space_page(layers, lines, "scan", most=MOST_POINTS, heading=False)

@@ -5,17 +5,15 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Any
 
-import numpy as np
-
 from retrue.calibration.result import Calibrated
 from retrue.studio.calibrate_card import BAD, GOOD, CalibrateCard
-from retrue.studio.drawings import VIEW, dots, drift_plot, outlines, placed
+from retrue.studio.drawings import dots, drift_plot, outlines
 from retrue.studio.look import Look
 from retrue.studio.state import State
 from retrue.studio.studio import NO_RIG, Studio
 
 REFRESH = 0.25  # seconds
-SCENE = 340, 280  # pixels: what fits a telephone
+SPACE = "width:100%;height:480px;border:0"
 METERS = ("light", "clipping", "stillness", "blocks")
 
 
@@ -24,7 +22,7 @@ class Page:
 
     def __init__(self, ui: Any, studio: Studio) -> None:
         self._ui, self._studio, self._seen, self._cloud_shown, self._plotted = ui, studio, -1, None, -1
-        self._scene: Any = None
+        self._shown = 0
         with ui.column().classes("w-full max-w-6xl mx-auto p-2 gap-3"):
             self._sentence = ui.label("opening the devices").classes("text-3xl font-medium").props('aria-live="polite"')
             with ui.row().classes("w-full gap-4 items-start"):
@@ -35,10 +33,9 @@ class Page:
                     self._buttons(ui, studio)
                     self._message = ui.label().classes("text-lg").props('role="status"')
                     self._calibrate = CalibrateCard(ui, studio)
-                    self._blend = ui.slider(min=0, max=1, step=1, value=1).props('aria-label="before or after"')
-                    self._blend.on_value_change(self._show_clouds)
-                    with ui.column().classes("gap-2") as self._clouds:
+                    with ui.column().classes("w-full gap-2") as self._clouds:
                         self._caption = ui.label()
+                        self._space = ui.html("", sanitize=False).classes("w-full")
                     self._plot = ui.html("", sanitize=False).classes("w-full")
         self._refresh()
         ui.timer(REFRESH, self._refresh)
@@ -69,7 +66,6 @@ class Page:
         self._enable(state)
         self._calibrate.refresh(state)
         self._watch.set_value(state.watching)
-        self._blend.set_visibility(state.offer is not None)
         shown = state.offer if state.offer is not None else state.cloud
         self._clouds.set_visibility(shown is not None)
         if shown is not self._cloud_shown:
@@ -100,28 +96,16 @@ class Page:
             row.set_visibility(name in look.meters)
             meter.set_value(round(look.meters.get(name, 0.0), 2))
 
-    def _show_clouds(self, *_: object) -> None:
-        """The last scan; or, while a rig is offered, what the capture looks like with the old rig or the new."""
+    def _show_clouds(self) -> None:
+        """The last scan; or, while a rig is offered, what the capture looks like with the old rig and the new."""
         offer, cloud = self._studio.state.offer, self._studio.state.cloud
-        middle = None
+        known = "" if cloud is None else f"{len(cloud)} points"
         if offer is not None:
-            after = bool(self._blend.value)
-            middle, cloud = np.median(offer.after.points, axis=0), offer.after if after else offer.before
-            self._caption.set_text("after: with the new rig" if after else "before: with the rig as it is in the file")
-        else:
-            self._caption.set_text("" if cloud is None else f"{len(cloud)} points")
-        if cloud is None:
-            return
-        if self._scene is None:  # one that is made while it is hidden has no size
-            width, height = SCENE
-            with self._clouds:
-                self._scene = self._ui.scene(width=width, height=height, grid=False, background_color="#30343a")
-        self._scene.clear()
-        if len(cloud):
-            with self._scene:
-                points, colors = placed(cloud, middle)
-                self._scene.point_cloud(points, colors, point_size=0.05)
-            self._scene.move_camera(x=0, y=-0.8 * VIEW, z=0.2 * VIEW, look_at_x=0, look_at_y=0, look_at_z=0, duration=0)
+            known = "left: with the rig as it is in the file; right: with the new rig"
+        self._caption.set_text(known)
+        self._shown += 1  # another address, so that the browser asks again
+        frame = f'<iframe src="/space?{self._shown}" title="points in space" style="{SPACE}"></iframe>' if known else ""
+        self._space.set_content(frame)
 
 
 def _meter(ui: Any, name: str) -> tuple[Any, Any]:

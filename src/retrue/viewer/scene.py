@@ -1,4 +1,4 @@
-"""What there is to see, in metres and the camera frame of the first rig."""
+"""What there is to see: layers and lines in one unit and the camera frame of the first rig."""
 
 from __future__ import annotations
 
@@ -6,172 +6,122 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from retrue.errors import InputError
 from retrue.files.history_entry import HistoryEntry
-from retrue.geometry.arrays import FloatArray, IntArray
-from retrue.geometry.camera import Camera
+from retrue.geometry.arrays import FloatArray
 from retrue.geometry.transform import RigidTransform
 from retrue.reconstruction.cloud import Cloud, Mesh
+from retrue.report.space import CAMERA_COLOR, PROJECTOR_COLOR, Layer, Line, Vector, frustum, space_page
 from retrue.rig import Rig
 from retrue.units import METRES
 from retrue.viewer.contents import MOST_ENTRIES, Candidate, Contents
 
-MOST_SHOWN = 300_000
-MOST_FACES = 800_000
-CAMERA_COLOR = (30, 120, 220)
-PROJECTOR_COLOR = (230, 120, 20)
-TWIN_COLOR = (150, 150, 150)
-HISTORY_COLOR = (130, 60, 180)
+TWIN_COLOR, HISTORY_COLOR = (0.62, 0.65, 0.68), (0.72, 0.47, 0.95)
 FRUSTUM_REACH = 0.35  # of the way to the middle of the scene that a frustum is drawn
 NEAR_BASELINES = 2.0  # the middle, in lengths of t, where nothing is there to see
-
-Color = tuple[int, int, int]
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class Frustum:
-    """A device: lines (N, 2, 3) from its centre through the corners of its picture, and around them."""
-
-    name: str
-    lines: FloatArray
-    color: Color
-    label: str
-    label_at: FloatArray
-    visible: bool = True
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class Shape:
-    """A cloud (no faces) or a mesh."""
-
-    name: str
-    points: FloatArray
-    colors: NDArray[np.uint8]
-    faces: IntArray | None = None
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class TimeLine:
-    """Poses of one rig over time.
-
-    Attributes
-    ----------
-    name : of the rig file.
-    frusta : of the projector, oldest first; one is shown at a time.
-    captions : what happened, one for each.
-    """
-
-    name: str
-    frusta: tuple[Frustum, ...]
-    captions: tuple[str, ...]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Scene:
     """Everything, and what had to be left out of it, in words."""
 
-    frusta: tuple[Frustum, ...]
-    shapes: tuple[Shape, ...]
-    time_lines: tuple[TimeLine, ...]
-    middle: FloatArray
+    layers: tuple[Layer, ...]
+    lines: tuple[Line, ...]
     notes: tuple[str, ...]
 
+    def page(self, title: str) -> str:
+        """As a page that loads nothing."""
+        return space_page(self.layers, self.lines, title, about="points" if self.layers else "all")
 
-def make_scene(contents: Contents) -> Scene:
+
+def make_scene(contents: Contents, *, compare: bool = False) -> Scene:
     """Frusta of both devices of each rig, of every candidate and entry of a history; clouds and meshes.
 
-    Candidates need a rig, whose projector they place; a refused twin is grey. Large clouds are thinned, and the
-    notes say so. Raises `InputError` where there are candidates but no rig.
+    In the unit of the first rig, else of the first model. Candidates need a rig, whose projector they place; a refused
+    twin is grey. With `compare` the first of two clouds is "before".
+
+    Raises
+    ------
+    InputError : candidates but no rig, or not two clouds to compare.
     """
-    notes: list[str] = []
-    shapes = tuple(_shape(name, model, notes) for name, model in contents.models.items())
+    if compare and len(contents.models) != 2:
+        raise InputError(f"view: expected two clouds to compare, found {len(contents.models)}")
     rigs = {name: rig for name, (rig, _) in contents.rigs.items()}
-    middle = _middle(shapes, list(rigs.values()))
-    reach = FRUSTUM_REACH * float(np.linalg.norm(middle))
-    frusta = [frustum for name, rig in rigs.items() for frustum in _devices(name, rig, reach)]
-    if contents.candidates and not rigs:
-        raise InputError("candidates need the rig that they are poses of: give its file too")
+    unit = next((thing.unit for thing in (*rigs.values(), *contents.models.values())), "m")
+    models = {name: _in_unit(model, unit) for name, model in contents.models.items()}
+    whens = ("before", "after") if compare else ("",) * len(models)
+    layers = [Layer(name, model, when=when) for (name, model), when in zip(models.items(), whens, strict=True)]
+    reach = FRUSTUM_REACH * _distance(list(models.values()), list(rigs.values()), unit)
+    lines = [line for name, rig in rigs.items() for line in _devices(name, rig, unit, reach)]
     first = next(iter(rigs.values()), None)
     for name, candidates in contents.candidates.items():
-        assert first is not None
-        for number, candidate in enumerate(candidates, start=1):
-            frusta.append(
-                _projector(
-                    f"{name}/candidate {number}",
-                    replace(first, projector_from_camera=candidate.projector_from_camera),
-                    reach,
-                    PROJECTOR_COLOR if candidate.chosen else TWIN_COLOR,
-                    "chosen" if candidate.chosen else "candidate" if _none_chosen(candidates) else "twin",
-                    label_corner=0,
-                )
-            )
-    time_lines = tuple(
-        _time_line(name, entries, reach, notes) for name, (_, entries) in contents.rigs.items() if len(entries) > 1
-    )
-    return Scene(tuple(frusta), shapes, time_lines, middle, tuple(notes))
+        if first is None:
+            raise InputError("candidates need the rig that they are poses of: give its file too")
+        lines += _candidates(name, candidates, first, unit, reach)
+    notes: list[str] = []
+    for name, (_, entries) in contents.rigs.items():
+        if len(entries) > MOST_ENTRIES:
+            notes.append(f"{name}: the last {MOST_ENTRIES} entries of its history, up to {entries[-1].id}")
+        if len(entries) > 1:
+            lines += _history(name, entries[-MOST_ENTRIES:], unit, reach)
+    return Scene(tuple(layers), tuple(lines), tuple(notes))
 
 
-def _none_chosen(candidates: Sequence[Candidate]) -> bool:
-    return not any(candidate.chosen for candidate in candidates)
-
-
-def _metres(unit: str) -> float:
+def _factor(unit: str, wanted: str) -> float:
     """Units that nobody knows are shown as they are."""
-    return METRES.get(unit.strip().lower(), 1.0)
+    known, target = METRES.get(unit.strip().lower()), METRES.get(wanted.strip().lower())
+    return 1.0 if known is None or target is None else known / target
 
 
-def _shape(name: str, model: Cloud | Mesh, notes: list[str]) -> Shape:
-    points, colors = model.points * _metres(model.unit), model.colors
-    if isinstance(model, Mesh) and len(model.faces) <= MOST_FACES:
-        return Shape(name, points, colors, model.faces)
+def _in_unit(model: Cloud | Mesh, unit: str) -> Cloud | Mesh:
+    factor = _factor(model.unit, unit)
+    points = model.points * factor
     if isinstance(model, Mesh):
-        notes.append(f"{name}: {len(model.faces)} faces are too many for a browser; shown as points")
-    step = -(-len(points) // MOST_SHOWN)
-    if step > 1:
-        notes.append(f"{name}: thinned to {len(points[::step])} of {len(points)} points")
-    return Shape(name, points[::step], colors[::step])
+        return replace(model, points=points, unit=unit)
+    sigma = None if model.sigma is None else model.sigma * factor
+    return replace(model, points=points, sigma=sigma, uncertainty=None, unit=unit)
 
 
-def _middle(shapes: Sequence[Shape], rigs: Sequence[Rig]) -> FloatArray:
-    """(3,) what to look at: the middle of all points, else a little way ahead of the camera."""
-    if shapes:
-        return np.median(np.concatenate([shape.points for shape in shapes]), axis=0)
-    lengths = [float(np.linalg.norm(rig.projector_from_camera.t)) * _metres(rig.unit) for rig in rigs]
-    return np.array([0.0, 0.0, NEAR_BASELINES * max([*lengths, 0.1])])
+def _distance(models: Sequence[Cloud | Mesh], rigs: Sequence[Rig], unit: str) -> float:
+    """To the middle of all points, else a little way ahead of the camera."""
+    points: list[FloatArray] = [model.points for model in models if len(model.points)]
+    if points:
+        return float(np.linalg.norm(np.median(np.concatenate(points), axis=0)))
+    lengths = [float(np.linalg.norm(rig.projector_from_camera.t)) * _factor(rig.unit, unit) for rig in rigs]
+    return NEAR_BASELINES * max([*lengths, 0.1 / METRES.get(unit, 1.0)])
 
 
-def _devices(name: str, rig: Rig, reach: float) -> list[Frustum]:
-    lines = _lines(rig.camera, RigidTransform.identity(), reach)
-    camera = Frustum(f"{name}/camera", lines, CAMERA_COLOR, "camera", lines[0, 0])
-    return [camera, _projector(f"{name}/projector", rig, reach, PROJECTOR_COLOR, "projector")]
+def _devices(name: str, rig: Rig, unit: str, reach: float) -> list[Line]:
+    camera = frustum(f"{name}: camera", rig.camera, RigidTransform.identity(), reach, CAMERA_COLOR)
+    projector = _projector(f"{name}: projector", rig, unit, reach, PROJECTOR_COLOR, solid=True)
+    return [replace(camera, label="camera"), replace(projector, label="projector")]
 
 
-def _projector(name: str, rig: Rig, reach: float, color: Color, label: str, label_corner: int | None = None) -> Frustum:
-    """With its label at the centre of projection, or at a corner of the picture so that several can be read."""
+def _projector(name: str, rig: Rig, unit: str, reach: float, color: Vector, *, solid: bool = False) -> Line:
     pose = rig.projector_from_camera.inverse()
-    in_metres = RigidTransform(pose.R, pose.t * _metres(rig.unit))
-    lines = _lines(rig.projector, in_metres, reach)
-    return Frustum(name, lines, color, label, lines[0, 0] if label_corner is None else lines[label_corner, 1])
+    placed = RigidTransform(pose.R, pose.t * _factor(rig.unit, unit))
+    return frustum(name, rig.projector, placed, reach, color, solid=solid)
 
 
-def _lines(device: Camera, camera_from_device: RigidTransform, reach: float) -> FloatArray:
-    """Eight lines (8, 2, 3): four rays of that length in depth, and the sides of the picture there."""
-    far = camera_from_device.apply(device.frustum(reach))
-    centre = np.tile(camera_from_device.t, (4, 1))
-    return np.concatenate([np.stack([centre, far], axis=1), np.stack([far, np.roll(far, -1, axis=0)], axis=1)])
+def _candidates(name: str, candidates: Sequence[Candidate], rig: Rig, unit: str, reach: float) -> list[Line]:
+    other = "twin" if any(candidate.chosen for candidate in candidates) else "candidate"
+    lines: list[Line] = []
+    for number, candidate in enumerate(candidates, start=1):
+        moved = replace(rig, projector_from_camera=candidate.projector_from_camera)
+        color = PROJECTOR_COLOR if candidate.chosen else TWIN_COLOR
+        line = _projector(f"{name}: candidate {number}", moved, unit, reach, color)
+        lines.append(replace(line, label="chosen" if candidate.chosen else other))
+    return lines
 
 
-def _time_line(name: str, entries: Sequence[HistoryEntry], reach: float, notes: list[str]) -> TimeLine:
-    if len(entries) > MOST_ENTRIES:
-        notes.append(f"{name}: the last {MOST_ENTRIES} entries of its history, up to {entries[-1].id}")
-    shown = entries[-MOST_ENTRIES:]
-    frusta = tuple(
+def _history(name: str, entries: Sequence[HistoryEntry], unit: str, reach: float) -> list[Line]:
+    """The projector at each entry, oldest first."""
+    return [
         replace(
-            _projector(f"{name}/history/{entry.id}", entry.rig, reach, HISTORY_COLOR, f"{entry.id}", 2), visible=False
+            _projector(f"{name}: history", entry.rig, unit, reach, HISTORY_COLOR),
+            label=f"{entry.id}",
+            moment=f"{entry.id}: {entry.action}, {entry.time:%Y-%m-%d %H:%M:%S} UTC",
         )
-        for entry in shown
-    )
-    captions = tuple(f"{entry.id}: {entry.action}, {entry.time:%Y-%m-%d %H:%M:%S} UTC" for entry in shown)
-    return TimeLine(name, frusta, captions)
+        for entry in entries
+    ]

@@ -13,19 +13,17 @@ from numpy.typing import NDArray
 from retrue.decoding.gray.bits import decode_axis
 from retrue.decoding.gray.plan import MAX_CELL, UNDECIDED, Plan
 from retrue.decoding.gray.sequence import GraySequence
-from retrue.decoding.gray.stripe_edges import LARGEST_SIGMA, PlaneFit, find_edges, fit_planes
+from retrue.decoding.gray.stripe_edges import LARGEST_RESIDUAL, LARGEST_SIGMA, PlaneFit, find_edges, fit_planes
 from retrue.geometry.arrays import BoolArray, FloatArray, Image
 from retrue.kernels import stripes as kernel
 
-LARGEST_RESIDUAL = 0.25
-"""Stripes, RMS: edges that scatter more about their plane belong to several surfaces, or to none."""
 FARTHEST_CODE = 0.75
 """Stripes: a pixel's own code is within half a stripe of the plane, and a little for noise."""
 SYSTEMATIC_SIGMA = 0.005
 """Stripes: what lens and camera leave, however many edges there are and however flat the surface."""
 
-HALO_CELLS = 8
-"""How many cells away a picture can still change a point: the window, the edges beside it, and their own window."""
+HALO_CELLS = 13
+"""How many cells away a picture can still change a point: windows, the edges beside them, and the bend around it."""
 WORTH_CUTTING = 0.9
 """Of the width: columns are left out where no more remain."""
 FEWEST_OPEN = 64
@@ -221,7 +219,7 @@ def _coordinates(depth: Depth, reading: _Reading, pixels: NDArray[np.intp]) -> t
         kernel.coordinates(
             pixels,
             fit.planes,
-            fit.error,
+            fit.variance,
             (reading.lit.shape[1], reading.above, reading.left),
             fit.cell,
             fit.along,

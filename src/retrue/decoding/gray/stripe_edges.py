@@ -17,6 +17,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from retrue.decoding.gray.bend import plane_bias
 from retrue.decoding.gray.bits import AxisCode
 from retrue.geometry.arrays import BoolArray
 from retrue.kernels import stripes as kernel
@@ -29,8 +30,8 @@ WINDOW_SIGMA, WINDOW_RADIUS = 1.25, 3
 """Cells: standard deviation and reach of the Gaussian window."""
 STEEPEST_CONTRAST = 0.3
 """Where brightness changes by more than this share from pixel to pixel, light leaks across and shifts the edge."""
-BOW_REACH = 2
-"""Cells: how far apart planes tell that a surface bows; nearer ones share their edges."""
+LARGEST_RESIDUAL = 0.25
+"""Stripes, RMS: edges that scatter more about their plane belong to several surfaces, or to none."""
 LARGEST_SIGMA = 0.05
 """Stripes: above it, too few edges, or all of them to one side."""
 MOMENTS = ("", "x", "xx", "y", "yy", "xy", "v", "xv", "yv")
@@ -69,14 +70,12 @@ class PlaneFit:
     planes : (3, rows, columns), sub-pixel n in the cell's centre, and its slopes along and across the axis.
     mean_square : of the distances of the window's edges from their own cell's plane, in stripes^2.
     variance : of the planes' n, in stripes^2, from how the edges scatter; grows where they lie to one side.
-    error : the mean square of what the planes miss the surface by: the same, and its bow.
     cell, along : side of a cell in pixels, array axis of comparison.
     """
 
     planes: FloatImage
     mean_square: FloatImage
     variance: FloatImage
-    error: FloatImage
     cell: int
     along: int
 
@@ -139,26 +138,10 @@ def fit_planes(edges: Edges, along: int) -> PlaneFit:
     mean_square = cast(FloatImage, squares / (weights + tiny))
     of_weight_1 = squares / (count + tiny) + np.float32((EDGE_SIGMA / cell) ** 2)
     variance = cast(FloatImage, of_weight_1 * per_weight * (1 + np.maximum(lever, 0)) * np.float32(0.5 / cell**2))
-    known = variance < LARGEST_SIGMA**2
-    bow = sum(_bow(planes[0], planes[1 + (axis != along)] * np.float32(cell), known, axis) for axis in range(2))
-    return PlaneFit(planes, mean_square, variance, variance + np.square(bow), cell, along)
-
-
-def _bow(value: FloatImage, slope: FloatImage, known: BoolArray, axis: int) -> FloatImage:
-    """How much a plane through a window misses the middle of a surface that bows along an array axis, in stripes.
-
-    Of value = a x^2 the plane is too high by a times the window's variance. a is told by the planes BOW_REACH cells
-    away on either side, or on the one where there are any.
-    """
-    total, count = np.zeros_like(value), np.zeros_like(value)
-    for side in (-1, 1):
-        there = np.roll(value, -side * BOW_REACH, axis)
-        both = known & np.roll(known, -side * BOW_REACH, axis)
-        over = slice(-BOW_REACH, None) if side > 0 else slice(None, BOW_REACH)
-        both[(slice(None),) * axis + (over,)] = False
-        total += np.where(both, there - value - np.float32(side * BOW_REACH) * slope, np.float32(0))
-        count += both
-    return cast(FloatImage, total * (np.float32((WINDOW_SIGMA / BOW_REACH) ** 2) / np.maximum(count, np.float32(1))))
+    whole = ((mean_square < LARGEST_RESIDUAL**2) & (weights > tiny)).view(np.uint8)
+    moments = cast("dict[str, FloatImage]", {"x": x, "y": y, "xx": xx, "yy": yy, "xy": xy})
+    planes[0] -= plane_bias((planes[1], planes[2]), moments, whole, cell, along)
+    return PlaneFit(planes, mean_square, variance, cell, along)
 
 
 def _windowed(own: dict[str, FloatImage], cell: int, along: int) -> dict[str, FloatImage]:

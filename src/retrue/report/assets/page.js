@@ -1,9 +1,7 @@
 "use strict";
 // Draws the figures in the colors of the page, switches tabs, and gets everything ready for paper.
 
-const SCENE_MARGIN = { l: 0, r: 0, t: 0, b: 0 };
 const TALLEST = 600; // pixels: a drawing should fit on a screen with its caption
-const IDLE = 1500; // milliseconds after which nobody minds that something else is drawn
 const PAPER = { picture: 500, chart: 680 }; // pixels: two photographs to a sheet
 const plots = [];
 
@@ -31,7 +29,6 @@ function theme(style) {
   const line = style.getPropertyValue("--line").trim();
   const card = style.getPropertyValue("--card").trim();
   const axis = { gridcolor: line, zerolinecolor: line, linecolor: line, tickfont: { color: muted }, title: { font: { color: muted, size: 12 } }, automargin: true };
-  const wall = { ...axis, showbackground: false, showspikes: false };
   return {
     layout: {
       font: { family: getComputedStyle(document.body).fontFamily, size: 12, color: ink },
@@ -44,7 +41,6 @@ function theme(style) {
       coloraxis: { colorbar: { outlinewidth: 0, tickfont: { color: muted }, title: { font: { color: muted } } } },
       xaxis: axis,
       yaxis: axis,
-      scene: { xaxis: wall, yaxis: wall, zaxis: wall },
     },
   };
 }
@@ -52,16 +48,10 @@ function theme(style) {
 function sized(plot, width) {
   const narrow = width < 560;
   const wanted = Math.min(width * plot.aspect, TALLEST) + plot.extra;
-  const height = Math.max(Math.round(wanted), plot.figure.layout.scene ? (narrow ? 380 : 420) : 0);
+  const height = Math.round(wanted);
   const style = getComputedStyle(document.documentElement);
   const figure = colored(plot.figure, style);
   const layout = { ...figure.layout, template: theme(style), width, height, autosize: false };
-  if (layout.scene) {
-    layout.margin = SCENE_MARGIN;
-    layout.scene.domain = { x: [0, 1], y: [narrow ? 0.2 : 0.08, 1] }; // the legend lies below
-    const eye = layout.scene.camera.eye;
-    if (narrow) for (const axis in eye) eye[axis] *= 1.25;
-  }
   if (narrow) figure.data.forEach(shrinkMarkers);
   return { data: figure.data, layout };
 }
@@ -72,32 +62,9 @@ function shrinkMarkers(trace) {
 
 function draw(plot, width = plot.element.clientWidth) {
   const { data, layout } = sized(plot, width);
-  const seen = plot.element.layout?.scene?.camera;
-  if (seen) layout.scene.camera = seen;
-  const config = { displaylogo: false, displayModeBar: layout.scene ? true : false, modeBarButtons: [["resetCameraDefault3d", "toImage"]] };
+  const config = { displaylogo: false, displayModeBar: false };
   plot.width = width;
   return Plotly.react(plot.element, data, layout, config);
-}
-
-// Paper gets a picture of each scene in light colors: a browser does not print what a graphics card drew.
-async function keepPicture(plot) {
-  if (!plot.figure.layout.scene) return;
-  const { data, layout } = withPaperColors(() => sized(plot, 1000));
-  plot.picture.src = await Plotly.toImage({ data, layout }, { format: "png", width: 1000, height: layout.height, scale: 1 });
-}
-
-async function keepPictures() {
-  for (const plot of plots) await keepPicture(plot).catch(() => {}); // without WebGL there is none to keep
-  document.documentElement.dataset.printable = "yes";
-}
-
-function withPaperColors(work) {
-  document.documentElement.classList.add("paper");
-  try {
-    return work();
-  } finally {
-    document.documentElement.classList.remove("paper");
-  }
 }
 
 function readPlots() {
@@ -105,12 +72,6 @@ function readPlots() {
     const source = element.nextElementSibling;
     const plot = { element, figure: JSON.parse(source.textContent), aspect: Number(element.dataset.aspect), extra: Number(element.dataset.extra) };
     source.remove();
-    if (plot.figure.layout.scene) {
-      plot.picture = new Image();
-      plot.picture.className = "printed";
-      plot.picture.alt = element.getAttribute("aria-label");
-      element.after(plot.picture);
-    }
     plots.push(plot);
   }
 }
@@ -157,14 +118,13 @@ async function start() {
   addEventListener("resize", () => plots.filter((plot) => plot.element.clientWidth !== plot.width).forEach((plot) => draw(plot)));
   addEventListener("beforeprint", () => {
     document.documentElement.classList.add("paper");
-    plots.forEach((plot) => plot.figure.layout.scene || draw(plot, plot.aspect > 0.5 ? PAPER.picture : PAPER.chart));
+    plots.forEach((plot) => draw(plot, plot.aspect > 0.5 ? PAPER.picture : PAPER.chart));
   });
   addEventListener("afterprint", () => {
     document.documentElement.classList.remove("paper");
     plots.forEach((plot) => draw(plot));
   });
   document.documentElement.dataset.ready = "yes";
-  setTimeout(keepPictures, IDLE);
 }
 
 start();

@@ -4,7 +4,8 @@
 
 const SLOWEST = 1000 / 24; // milliseconds a frame, while the view moves
 const MOST_AT_ONCE = 400000; // points a step, while a view at rest is filled in
-const LEAST_POINTS = 15000; // while the view moves; where even those take too long, pixels are coarser
+const LEAST_POINTS = 5000; // while the view moves; where even those take too long, pixels are coarser
+const STILL = 160; // milliseconds without a move after which the view is at rest
 const CLICK_PX = 12;
 const MODES = { true: 0, height: 1, depth: 2, sigma: 3, residual: 4, normal: 5 };
 const METRES = { um: 1e-6, mm: 1e-3, cm: 1e-2, m: 1, in: 0.0254, ft: 0.3048 };
@@ -34,13 +35,13 @@ void main() {
 }`;
 const FRAGMENT = `#version 300 es
 precision highp float;
-in vec3 color; in vec3 at; out vec4 ink; uniform vec2 part; uniform int round; uniform int shaded;
+in vec3 color; in vec3 at; out vec4 ink; uniform vec2 part; uniform int round; uniform int shaded; uniform float veil;
 void main() {
   if (gl_FragCoord.x < part.x || gl_FragCoord.x >= part.y) discard;
   if (round == 1 && length(gl_PointCoord - .5) > .5) discard;
   vec3 c = color;
   if (shaded == 1) { vec3 n = normalize(cross(dFdx(at), dFdy(at))); c *= .55 + .45 * abs(n.z); }
-  ink = vec4(c, 1.0);
+  ink = vec4(c, veil);
 }`;
 
 async function unpacked(text, Kind) {
@@ -66,25 +67,37 @@ class Space {
   }
 
   constructor(root, spec) {
-    Object.assign(this, { root, spec, canvas: root.querySelector("canvas"), split: 0.5, clicks: [], budget: 100000, fineness: 1, mode: "true", unit: spec.unit });
+    Object.assign(this, { root, spec, canvas: root.querySelector("canvas"), split: 0.5, clicks: [], budget: 100000, fineness: 1, mode: spec.mode, unit: spec.unit, moment: {} });
     this.gl = this.canvas.getContext("webgl2", { alpha: false, antialias: false, preserveDrawingBuffer: true });
     if (!this.gl) throw new Error("WebGL 2 is switched off");
-    this.program = this.compiled();
     this.low = spec.low; this.high = spec.high;
     this.cut = { low: [...spec.low], high: [...spec.high] };
     this.reset();
-    for (const layer of spec.layers) this.upload(layer);
-    this.lines = spec.lines.map((line) => this.uploadLine(line));
+    this.lines = spec.lines.map((line) => ({ ...line, shown: true }));
+    this.prepare();
     this.controls();
     this.listen();
+    // Of many drawings on a page, such as a notebook, a browser keeps the latest; this one comes back when it is touched.
+    this.canvas.addEventListener("webglcontextlost", (event) => { event.preventDefault(); this.lost = true; });
+    this.canvas.addEventListener("webglcontextrestored", () => { this.lost = false; this.prepare(); this.draw(); });
+    addEventListener("beforeprint", () => this.forPaper());
     new ResizeObserver(() => this.draw()).observe(this.canvas);
   }
 
+  prepare() {
+    this.program = this.compiled();
+    for (const layer of this.spec.layers) this.upload(layer);
+    for (const line of this.lines) this.uploadLine(line);
+  }
+
+  // As near as shows all that is to be seen at first.
   reset() {
-    const middle = this.spec.middle, far = Math.hypot(...middle) || 1;
-    this.target = [...middle]; this.turn = [-0.35, -0.12]; 
-    const radius = Math.hypot(...this.spec.high.map((value, axis) => value - this.spec.low[axis])) / 2;
-    this.distance = Math.min(0.85 * far, 1.7 * radius);
+    this.target = [...this.spec.middle]; this.turn = [...this.spec.turn]; this.distance = 1;
+    const m = this.matrix(this.canvas.clientWidth || 1, this.canvas.clientHeight || 1);
+    this.distance = Math.max(1e-9, ...this.spec.ends.map((end) => {
+      const away = end.map((value, axis) => value - this.target[axis]), along = (row) => m[row] * away[0] + m[row + 4] * away[1] + m[row + 8] * away[2];
+      return Math.max(Math.abs(along(0)), Math.abs(along(1))) / 0.9 - along(3);
+    }));
   }
 
   compiled() {
@@ -97,8 +110,8 @@ class Space {
     }
     ["place", "tint", "known", "facing"].forEach((name, index) => gl.bindAttribLocation(program, index, name));
     gl.linkProgram(program); gl.useProgram(program);
-    this.at = Object.fromEntries(["seen", "low", "extent", "cutLow", "cutHigh", "mode", "size", "range", "only", "part", "round", "shaded"].map((name) => [name, gl.getUniformLocation(program, name)]));
-    gl.enable(gl.DEPTH_TEST);
+    this.at = Object.fromEntries(["seen", "low", "extent", "cutLow", "cutHigh", "mode", "size", "range", "only", "part", "round", "shaded", "veil"].map((name) => [name, gl.getUniformLocation(program, name)]));
+    gl.enable(gl.DEPTH_TEST); gl.blendFunc(gl.SRC_ALPHA, gl.ONE_MINUS_SRC_ALPHA);
     return program;
   }
 
@@ -123,11 +136,14 @@ class Space {
   }
 
   uploadLine(line) {
-    const gl = this.gl, array = gl.createVertexArray();
-    gl.bindVertexArray(array);
-    this.attribute(0, new Float32Array(line.places.flat()), 3, gl.FLOAT, false);
-    [1, 2, 3].forEach((index) => this.attribute(index, null));
-    return { ...line, array, count: line.places.length, shown: true };
+    const gl = this.gl;
+    for (const [array, count, places] of [["edges", "ends", line.places], ["sides", "corners", line.body]]) {
+      if (!places) continue;
+      line[array] = gl.createVertexArray(); gl.bindVertexArray(line[array]);
+      this.attribute(0, new Float32Array(places.flat()), 3, gl.FLOAT, false);
+      [1, 2, 3].forEach((index) => this.attribute(index, null));
+      line[count] = places.length;
+    }
   }
 
   matrix(width, height) {
@@ -151,25 +167,40 @@ class Space {
     return out;
   }
 
-  draw(moving = false) {
-    this.moving = moving; this.filled = 0;
-    if (this.waiting) return;
-    this.waiting = requestAnimationFrame((now) => { this.waiting = null; this.frame(now); });
+  // While the view moves, frame follows frame, each as full as this machine draws in time; at rest all points come in.
+  move() {
+    this.moving = true; this.filled = 0; this.movedAt = performance.now(); this.asked = true;
+    this.next();
+  }
+
+  draw() {
+    this.moving = false; this.before = null; this.filled = 0; this.step = Math.max(this.budget, 20000);
+    this.next();
+  }
+
+  next() {
+    this.waiting ||= requestAnimationFrame(() => { this.waiting = null; this.frame(); });
   }
 
   frame() {
+    if (this.lost) return;
     const gl = this.gl, ratio = Math.min(devicePixelRatio || 1, 1.5) * (this.moving ? this.fineness : 1), start = performance.now();
+    if (this.moving && !this.asked && start - this.movedAt > STILL) this.draw();
+    this.asked = false;
+    if (this.moving) { if (this.before) this.learn(start - this.before); this.before = start; }
     const width = Math.max(1, Math.round(this.canvas.clientWidth * ratio)), height = Math.max(1, Math.round(this.canvas.clientHeight * ratio));
     if (this.canvas.width !== width || this.canvas.height !== height) { this.canvas.width = width; this.canvas.height = height; this.filled = 0; }
-    const first = this.filled, step = this.moving ? this.budget : Math.min(Math.max(this.budget, 20000), MOST_AT_ONCE);
+    const first = this.filled, step = this.moving ? this.budget : this.step;
+    this.step = Math.min(2 * step, MOST_AT_ONCE);
     this.seen = this.matrix(width, height);
     gl.viewport(0, 0, width, height);
     if (first === 0) { gl.clearColor(0.15, 0.17, 0.2, 1); gl.clear(gl.COLOR_BUFFER_BIT | gl.DEPTH_BUFFER_BIT); }
     gl.uniformMatrix4fv(this.at.seen, false, this.seen);
     gl.uniform3fv(this.at.cutLow, this.cut.low); gl.uniform3fv(this.at.cutHigh, this.cut.high);
     gl.uniform2fv(this.at.range, this.mode === "height" ? [-this.high[1], -this.low[1]] : [this.low[2], this.high[2]]);
-    gl.uniform1f(this.at.size, Math.max(1, ratio * this.pointSize()));
+    gl.uniform1f(this.at.size, Math.max(1, ratio * this.pointSize(this.moving ? step : Infinity)));
     const shown = this.spec.layers.filter((layer) => layer.shown), total = shown.reduce((sum, layer) => sum + layer.count, 0) || 1;
+    gl.uniform1f(this.at.veil, 1);
     for (const layer of shown) {
       const part = this.part(layer, width);
       gl.uniform2fv(this.at.part, part);
@@ -183,29 +214,26 @@ class Space {
       const share = layer.count / total, from = Math.min(Math.floor(first * share), layer.count), to = Math.min(Math.ceil((first + step) * share), layer.count);
       if (to > from) gl.drawArrays(gl.POINTS, from, to - from);
     }
-    if (first === 0) this.drawLines(width);
-    const pixel = new Uint8Array(4); gl.readPixels(0, 0, 1, 1, gl.RGBA, gl.UNSIGNED_BYTE, pixel); // waits for the picture
-    const end = performance.now(), since = start - (this.before ?? -1e9);
-    this.learn(Math.max(end - start, since < 500 && this.moved ? since : 0));
-    this.before = start; this.moved = this.moving;
     this.filled = Math.min(first + step, total);
+    if (first === 0) this.drawEdges();
+    if (this.moving || this.filled >= total) this.drawBodies();
     this.drawn = this.filled; this.total = total;
     this.mark();
-    if (!this.moving && this.filled < total) this.waiting = requestAnimationFrame(() => { this.waiting = null; this.frame(); });
+    if (this.moving || this.filled < total) this.next();
   }
 
   // Few points are drawn larger, so that they read as a surface.
-  pointSize() {
+  pointSize(most) {
     const area = this.canvas.clientWidth * this.canvas.clientHeight, shown = this.spec.layers.reduce((sum, layer) => sum + layer.count, 0) || 1;
-    return Math.min(8, Math.max(1.8, 0.22 * Math.sqrt(area / shown)));
+    return Math.min(8, Math.max(1.8, 0.22 * Math.sqrt(area / Math.min(most, shown))));
   }
 
   learn(milliseconds) {
     this.frameTime = milliseconds;
-    if (!this.moving) return;
-    if (milliseconds > SLOWEST) {
-      if (this.budget <= LEAST_POINTS) this.fineness = Math.max(0.35, 0.85 * this.fineness);
-      this.budget = Math.max(LEAST_POINTS, Math.round(this.budget * Math.max(0.5, 0.9 * SLOWEST / milliseconds)));
+    const share = SLOWEST / milliseconds; // what of this frame would have been in time
+    if (share < 1) {
+      if (this.budget <= 3 * LEAST_POINTS) this.fineness = Math.max(0.35, Math.max(0.6, Math.sqrt(share)) * this.fineness);
+      this.budget = Math.max(LEAST_POINTS, Math.round(this.budget * Math.max(0.1, 0.9 * share)));
     } else if (milliseconds < 0.8 * SLOWEST) {
       if (this.fineness < 1) this.fineness = Math.min(1, 1.05 * this.fineness);
       else this.budget = Math.round(Math.min(1.15 * this.budget, 4e6));
@@ -217,15 +245,38 @@ class Space {
     return layer.when === "before" ? [0, this.split * width] : layer.when === "after" ? [this.split * width, 1e9] : [0, 1e9];
   }
 
-  drawLines() {
+  plain() {
     const gl = this.gl;
     gl.uniform2fv(this.at.part, [0, 1e9]); gl.uniform1i(this.at.round, 0); gl.uniform1i(this.at.mode, 0); gl.uniform1i(this.at.shaded, 0);
     gl.uniform3fv(this.at.low, [0, 0, 0]); gl.uniform3fv(this.at.extent, [1, 1, 1]);
     gl.uniform3fv(this.at.cutLow, [-1e30, -1e30, -1e30]); gl.uniform3fv(this.at.cutHigh, [1e30, 1e30, 1e30]);
-    for (const line of this.lines.filter((one) => one.shown)) {
+    return this.lines.filter((line) => line.shown && (!line.moment || this.moment[line.name] === line.moment));
+  }
+
+  drawEdges() {
+    const gl = this.gl;
+    for (const line of this.plain()) {
       gl.uniform4fv(this.at.only, [...line.color, 1]);
-      gl.bindVertexArray(line.array); gl.drawArrays(gl.LINES, 0, line.count);
+      gl.bindVertexArray(line.edges); gl.drawArrays(gl.LINES, 0, line.ends);
     }
+  }
+
+  // Last, so that one sees through them to all that lies behind.
+  drawBodies() {
+    const gl = this.gl;
+    gl.enable(gl.BLEND); gl.depthMask(false);
+    for (const line of this.plain().filter((one) => one.sides)) {
+      gl.uniform4fv(this.at.only, [...line.color, 1]); gl.uniform1f(this.at.veil, 0.2);
+      gl.bindVertexArray(line.sides); gl.drawArrays(gl.TRIANGLES, 0, line.corners);
+    }
+    gl.depthMask(true); gl.disable(gl.BLEND);
+  }
+
+  // A browser does not print what a graphics card drew.
+  forPaper() {
+    this.moving = false; this.filled = 0; this.step = 1e9;
+    this.frame();
+    this.root.querySelector("img.paper").src = this.canvas.toDataURL();
   }
 
   onScreen(at) {
@@ -274,31 +325,48 @@ class Space {
   }
 
   mark() {
-    const overlay = this.root.querySelector("svg"), places = this.clicks.map((one) => this.onScreen(one.at));
-    overlay.innerHTML = places.map(([x, y]) => `<circle cx="${x}" cy="${y}" r="5"/>`).join("") + (places.length === 2 ? `<line x1="${places[0][0]}" y1="${places[0][1]}" x2="${places[1][0]}" y2="${places[1][1]}"/>` : "");
-    if (this.compared) overlay.innerHTML += `<line class="split" x1="${this.split * this.canvas.clientWidth}" y1="0" x2="${this.split * this.canvas.clientWidth}" y2="${this.canvas.clientHeight}"/>`;
-    const say = this.root.querySelector(".measured"), scale = this.root.querySelector(".truth");
-    scale.hidden = this.clicks.length < 2;
-    if (this.clicks.length === 1) say.textContent = "Click the other end.";
-    if (this.clicks.length === 2) {
-      const [a, b] = this.clicks, apart = Math.hypot(...a.at.map((value, axis) => value - b.at[axis])), sigma = Math.hypot(a.sigma, b.sigma);
-      say.textContent = `${this.length(apart)}${sigma ? ` ± ${this.length(sigma)}` : ""}`;
-      const truth = Number(scale.querySelector("input").value);
-      if (truth > 0) {
-        const factor = truth * (this.spec.unit in METRES && this.unit in METRES ? METRES[this.unit] / METRES[this.spec.unit] : 1) / apart;
-        say.textContent += `: lengths × ${factor.toPrecision(5)}${sigma ? ` ± ${(factor * sigma / apart).toPrecision(2)}` : ""}`;
-      }
-    } else if (!this.clicks.length) say.textContent = "Click two points to measure.";
-    Object.assign(this.root.dataset, { drawn: Math.round(this.drawn ?? 0), budget: this.budget, frame: (this.frameTime ?? 0).toFixed(1), distance: say.textContent });
+    const overlay = this.root.querySelector("svg"), places = this.clicks.map((one) => this.onScreen(one.at)), wide = this.canvas.clientWidth;
+    const named = this.lines.filter((line) => line.label && line.shown && (!line.moment || this.moment[line.name] === line.moment));
+    const labels = named.map((line) => [this.onScreen(line.places[0]), line.label]).filter(([[, , depth]]) => depth > 0);
+    this.write(overlay, places.map(([x, y]) => `<circle cx="${x}" cy="${y}" r="5"/>`).join("")
+      + (places.length === 2 ? `<line x1="${places[0][0]}" y1="${places[0][1]}" x2="${places[1][0]}" y2="${places[1][1]}"/>` : "")
+      + (this.compared ? `<line class="split" x1="${this.split * wide}" y1="0" x2="${this.split * wide}" y2="${this.canvas.clientHeight}"/>` : "")
+      + labels.map(([[x, y], text]) => `<text x="${x.toFixed(1)}" y="${y.toFixed(1)}">${text.replace(/[&<]/g, (c) => ({ "&": "&amp;", "<": "&lt;" })[c])}</text>`).join(""));
+    const say = this.measured();
+    this.root.querySelector(".truth").hidden = this.clicks.length < 2;
+    if (this.root.querySelector(".measured").textContent !== say) this.root.querySelector(".measured").textContent = say;
+    Object.assign(this.root.dataset, this.moving ? {} : { drawn: Math.round(this.drawn ?? 0), budget: this.budget, frame: (this.frameTime ?? 0).toFixed(1), distance: say });
     this.bar();
   }
 
+  // The clicks in words; and for the command line, places in the unit of the file.
+  measured() {
+    const command = this.root.querySelector(".command");
+    command.hidden = this.clicks.length < 2;
+    if (!this.clicks.length) return "Click two points to measure.";
+    if (this.clicks.length === 1) return `${this.clicks[0].at.map((value) => this.length(value)).join(", ")}: click the other end.`;
+    const [a, b] = this.clicks, apart = Math.hypot(...a.at.map((value, axis) => value - b.at[axis])), sigma = Math.hypot(a.sigma, b.sigma);
+    const said = `${this.length(apart)}${sigma ? ` ± ${this.length(sigma)}` : ""}`, truth = Number(this.root.querySelector(".truth input").value);
+    const places = this.clicks.flatMap((one) => one.at.map((value) => Number(value.toPrecision(6)))).join(" ");
+    this.write(command, `retrue scale rig.json cloud.ply --known points:${truth > 0 ? truth : "LENGTH"}${this.unit} --at ${places} --out scaled.json`);
+    if (!(truth > 0)) return said;
+    const factor = truth * (this.spec.unit in METRES && this.unit in METRES ? METRES[this.unit] / METRES[this.spec.unit] : 1) / apart;
+    return `${said}: lengths × ${factor.toPrecision(5)}${sigma ? ` ± ${(factor * sigma / apart).toPrecision(2)}` : ""}`;
+  }
+
+  // Only what changes is written: the browser would paint all of it again, which takes longer than the points.
+  write(element, text) {
+    if (element.written === text) return;
+    element.written = text; element.innerHTML = text;
+    if (element.tagName === "svg") element.toggleAttribute("hidden", !text);
+  }
+
   bar() {
-    const bar = this.root.querySelector(".bar"), range = this.mode === "height" ? [-this.high[1], -this.low[1]] : this.mode === "depth" ? [this.low[2], this.high[2]] : this.spec.ranges[this.mode];
-    bar.hidden = !range;
+    const bar = this.root.querySelector(".bar"), range = !this.spec.layers.length ? null : this.mode === "height" ? [-this.high[1], -this.low[1]] : this.mode === "depth" ? [this.low[2], this.high[2]] : this.spec.ranges[this.mode];
+    if (bar.hidden === Boolean(range)) bar.hidden = !range;
     if (!range) return;
     const show = (value) => (this.mode === "residual" ? `${Number(value.toPrecision(2))} px` : this.length(value));
-    bar.querySelector(".least").textContent = show(range[0]); bar.querySelector(".most").textContent = show(range[1]);
+    this.write(bar.querySelector(".least"), show(range[0])); this.write(bar.querySelector(".most"), show(range[1]));
   }
 
   controls() {
@@ -306,38 +374,44 @@ class Space {
     const modes = find(".mode"), units = find(".unit");
     const known = { residual: this.spec.ranges.residual, sigma: this.spec.ranges.sigma, normal: layers.some((layer) => layer.facing) };
     for (const option of [...modes.options]) if (option.value in known && !known[option.value]) option.remove();
+    modes.value = this.mode;
     modes.onchange = () => { this.mode = modes.value; this.draw(); };
     units.innerHTML = (this.spec.unit in METRES ? Object.keys(METRES) : [this.spec.unit]).map((name) => `<option>${name}</option>`).join("");
     units.value = this.spec.unit;
     units.onchange = () => { this.unit = units.value; this.mark(); };
     this.compared = layers.some((layer) => layer.when === "before") && layers.some((layer) => layer.when === "after");
+    for (const name of [".mode", ".unit", ".measured", "details"]) (find(name).closest("label") ?? find(name)).hidden = !layers.length;
     find(".compare").hidden = !this.compared;
-    find(".compare input").oninput = (event) => { this.split = Number(event.target.value) / 100; this.draw(true); this.rest(); };
+    find(".compare input").oninput = (event) => { this.split = Number(event.target.value) / 100; this.move(); };
     find(".truth input").oninput = () => this.mark();
     for (const [axis, name] of [..."xyz"].entries()) {
       const [from, to] = find(`.cut-${name}`).querySelectorAll("input");
       const set = () => {
         const at = (input) => this.low[axis] + Number(input.value) / 100 * (this.high[axis] - this.low[axis]);
         this.cut.low[axis] = Number(from.value) === 0 ? -1e30 : at(from); this.cut.high[axis] = Number(to.value) === 100 ? 1e30 : at(to);
-        this.draw(true); this.rest();
+        this.move();
       };
       from.oninput = to.oninput = set;
       this.cut.low[axis] = -1e30; this.cut.high[axis] = 1e30;
     }
-    const list = find(".layers");
-    for (const layer of [...layers, ...this.lines]) {
+    const list = find(".layers"), moments = new Map();
+    for (const line of this.lines.filter((one) => one.moment)) moments.set(line.name, [...(moments.get(line.name) ?? []), line.moment]);
+    const once = this.lines.filter((line, k) => !line.moment && this.lines.findIndex((other) => other.name === line.name) === k);
+    for (const shown of [...layers, ...once]) {
       const label = document.createElement("label"), box = Object.assign(document.createElement("input"), { type: "checkbox", checked: true });
-      box.onchange = () => { layer.shown = box.checked; this.draw(); };
-      label.append(box, ` ${layer.name}${layer.of ? ` (${layer.of})` : ""}`);
-      label.style.setProperty("--own", layer.aside ? "#d94dbf" : layer.color ? `rgb(${layer.color.map((c) => Math.round(255 * c))})` : "transparent");
+      box.onchange = () => { for (const one of [...layers, ...this.lines]) if (one.name === shown.name) one.shown = box.checked; this.draw(); };
+      label.append(box, ` ${shown.name}${shown.of ? ` (${shown.of})` : ""}`);
+      label.style.setProperty("--own", shown.aside ? "#d94dbf" : shown.color ? `rgb(${shown.color.map((c) => Math.round(255 * c))})` : "transparent");
       list.append(label);
     }
+    for (const [name, all] of moments) {
+      const label = Object.assign(document.createElement("label"), { className: "moment" }), said = document.createElement("output");
+      const range = Object.assign(document.createElement("input"), { type: "range", min: 1, max: all.length, value: all.length });
+      range.oninput = () => { this.moment[name] = all[Number(range.value) - 1]; said.textContent = this.moment[name]; this.draw(); };
+      label.append(`${name} `, range, said); list.append(label);
+      range.oninput();
+    }
     find(".home").onclick = () => { this.reset(); this.draw(); };
-  }
-
-  rest() {
-    clearTimeout(this.resting);
-    this.resting = setTimeout(() => this.draw(), 160);
   }
 
   listen() {
@@ -358,21 +432,20 @@ class Space {
         this.pan(dx / 2, dy / 2);
       } else if (event.shiftKey || event.buttons === 2) this.pan(dx, dy);
       else { this.turn[0] += dx / 200; this.turn[1] = Math.min(1.5, Math.max(-1.5, this.turn[1] + dy / 200)); }
-      this.draw(true);
+      this.move();
     };
     const up = (event) => {
       if (!down.delete(event.pointerId)) return;
       if (travelled < 4 && event.type === "pointerup") this.click(...at(event));
-      this.rest();
     };
     canvas.onpointerup = canvas.onpointercancel = up;
     canvas.oncontextmenu = (event) => event.preventDefault();
-    canvas.addEventListener("wheel", (event) => { event.preventDefault(); this.distance *= Math.exp(event.deltaY / 900); this.draw(true); this.rest(); }, { passive: false });
+    canvas.addEventListener("wheel", (event) => { event.preventDefault(); this.distance *= Math.exp(event.deltaY / 900); this.move(); }, { passive: false });
     canvas.onkeydown = (event) => {
       const turn = { ArrowLeft: [-0.1, 0], ArrowRight: [0.1, 0], ArrowUp: [0, -0.1], ArrowDown: [0, 0.1] }[event.key], zoom = { "+": 0.9, "-": 1.1 }[event.key];
       if (turn) this.turn = [this.turn[0] + turn[0], this.turn[1] + turn[1]];
       if (zoom) this.distance *= zoom;
-      if (turn || zoom) { event.preventDefault(); this.draw(); }
+      if (turn || zoom) { event.preventDefault(); this.move(); }
     };
   }
 
