@@ -10,9 +10,17 @@ from retrue.errors import DegenerateError
 from retrue.geometry.arrays import BoolArray, FloatArray, IntArray
 from retrue.geometry.five_points import best_essentials, poses_of_essential
 from retrue.geometry.planar_pose import PlanarPose, planar_pose_candidates, twin_pose
-from retrue.geometry.robust import MAD_TO_SIGMA, quantile
+from retrue.geometry.robust import CUTOFF, MAD_TO_SIGMA, quantile
 from retrue.geometry.robust_homography import HYPOTHESES, MOST_HYPOTHESES, largest_plane, local_noise
-from retrue.geometry.two_view import FREE, POSE_PARAMETERS, TwoViewPoints, TwoViewPose, behind, planes_of_pose
+from retrue.geometry.two_view import (
+    FREE,
+    POSE_PARAMETERS,
+    TwoViewPoints,
+    TwoViewPose,
+    behind,
+    epipolar_residuals,
+    planes_of_pose,
+)
 from retrue.recalibration.fit import PoseFit, Support, gather, refine, same_pose
 from retrue.recalibration.options import RecalibrateOptions
 from retrue.recalibration.posterior import PosePrior, Posterior, fit_posterior
@@ -196,11 +204,12 @@ def curved_planes(posterior: Posterior) -> BoolArray:
     return gone
 
 
-def misleading_plane(posterior: Posterior) -> BoolArray:
+def misleading_plane(posterior: Posterior, lenses: FloatArray) -> BoolArray:
     """(P,) the plane, at most one, without which all points together tell another pose: it was none.
 
     A plane adds to what points tell of the pose without it. Where both answers differ by more than what the points
-    alone leave open (Hausman 1978), it is the plane that is not true.
+    alone leave open (Hausman 1978), it is the plane that is not true. Both were seen through the same lenses, whose
+    errors, of second moment `lenses` (8, 8), tell them apart only as far as the two poses follow them differently.
     """
     pose, plane = posterior.pose, posterior.points.plane_index
     deviations = np.zeros(len(pose.planes))
@@ -212,20 +221,33 @@ def misleading_plane(posterior: Posterior) -> BoolArray:
             measured = posterior.measured.without_planes(gone)
             alone = fit_posterior(measured, posterior.parameters.without_planes(gone), posterior.prior, 6)
             difference = PosePrior(pose.R, pose.t, np.eye(POSE_PARAMETERS)).difference(alone.pose)
-            deviations[index] = difference @ np.linalg.solve(alone.covariance, difference)
+            deviations[index] = difference @ np.linalg.solve(_of_difference(posterior, alone, lenses), difference)
         except DegenerateError:
             continue
     return (deviations > MISLED) & (deviations == deviations.max(initial=0.0))
 
 
-def quieter_without_planes(posterior: Posterior, noise: float, rng: np.random.Generator) -> list[PoseFit]:
-    """Poses that leave much less across the epipolar lines if no point is on a plane; none where there is no need.
+def _of_difference(posterior: Posterior, alone: Posterior, lenses: FloatArray) -> FloatArray:
+    """(5, 5) covariance of the difference between a pose and that of a part of its points."""
+    if posterior.prior.free:
+        return alone.covariance
+    apart = alone.follows - posterior.follows
+    return alone.statistical_covariance + apart @ lenses @ apart.T
 
-    A ball or a pipe passes for one bowed plane, from a pose that fits it worse than neighbours fit each other.
+
+def better_without_planes(posterior: Posterior, noise: float, rng: np.random.Generator) -> list[PoseFit]:
+    """Poses that explain more, or leave much less across the epipolar lines, if no point is on a plane.
+
+    A ball or a pipe passes for one bowed plane, from a pose that fits it worse than neighbours fit each other. A curled
+    sheet passes for a plane from a pose that fits the sheet alone, while all points have one pose without it. None
+    where there is no need.
     """
     points, level = posterior.points, posterior.fit.epipolar_noise.level
     nominal = float(np.median(np.hypot(points.camera_sigma, points.projector_sigma)))
-    if not len(posterior.pose.planes) or not level * nominal > noise:
+    missed = (points.plane_index == FREE) & ~posterior.fit.explained
+    if not len(posterior.pose.planes):
+        return []
+    if not (level * nominal > noise or np.count_nonzero(missed) >= FEWEST_FREE):
         return []
     free = replace(points, plane_index=np.full(len(points), FREE))
     blocks = np.stack([posterior.measured.support.blocks[0], np.full(len(points), -1)])
@@ -234,7 +256,14 @@ def quieter_without_planes(posterior: Posterior, noise: float, rng: np.random.Ge
         fits = refined_poses(starts, Support(free, blocks), rng)
     except DegenerateError:
         return []
-    return [fit for fit in fits if fit.epipolar_noise.level * MUCH_QUIETER < level]
+    explained = int(np.count_nonzero(np.abs(epipolar_residuals(posterior.pose, free)) < CUTOFF * level))
+
+    def better(fit: PoseFit) -> bool:
+        loudness = fit.epipolar_noise.level / level
+        more = int(np.count_nonzero(fit.explained)) - explained
+        return loudness * MUCH_QUIETER < 1 or (loudness < MUCH_QUIETER and more >= FEWEST_ELSEWHERE)
+
+    return [fit for fit in fits if better(fit)]
 
 
 def twins_of(pose: TwoViewPose, points: TwoViewPoints) -> list[TwoViewPose]:

@@ -21,7 +21,7 @@ from retrue.recalibration.candidates import (
     curved_planes,
     match_noise,
     misleading_plane,
-    quieter_without_planes,
+    better_without_planes,
     refined_poses,
     starting_poses,
     twins_of_planes,
@@ -142,15 +142,15 @@ def judge(rig: Rig, captures: Sequence[Correspondences], options: RecalibrateOpt
         lens = lens_evidence(measured, homographies, best, part, tight, wide, old)
         curved = curved_planes(best)
         if not curved.any():
-            curved = misleading_plane(best)
-        quieter = [] if curved.any() else quieter_without_planes(best, noise, rng)
-        curved |= bool(quieter)
+            curved = misleading_plane(best, lens.kept)
+        better = [] if curved.any() else better_without_planes(best, noise, rng)
+        curved |= bool(better)
         if lens.verdict == "changed" or not curved.any():  # through a changed lens no plane looks flat
             break
         rays, few = rays.without_planes(curved), few.without_planes(curved)
         homographies = [H for H, gone in zip(homographies, curved, strict=True) if not gone]
         starts = [fit.parameters.without_planes(curved) for fit in posteriors]
-        starts += [Parameters.of(fit.pose) for fit in quieter]
+        starts += [Parameters.of(fit.pose) for fit in better]
     start = best.parameters
     if lens.verdict == "changed" and options.lens == "refit" and lens.posterior is not None:
         best, rivals = ranked([lens.posterior, *lens.others], measured, few, light, old, part, rng)

@@ -37,6 +37,7 @@ class LensEvidence:
     verdict : "checked": they hold; "unchecked": the points do not tell; "changed": they do not hold.
     change, sigma : (8,) log focal length, principal point (px), k1 of camera and projector, the lenses being free.
     gain : of chi-square, lenses being free.
+    kept : (8, 8) second moment of what the rig's own lenses are off by, given what the points say.
     posterior : with free lenses, where one was fitted.
     """
 
@@ -44,6 +45,7 @@ class LensEvidence:
     change: FloatArray
     sigma: FloatArray
     gain: float
+    kept: FloatArray
     posterior: Posterior | None = None
     others: tuple[Posterior, ...] = ()
 
@@ -63,7 +65,9 @@ def lens_evidence(
     pull, told = _believable(seen.lens_pull, seen.lens_information, wide)
     covariance = _with_prior(told, wide)
     change = covariance @ pull
-    gain = float(pull @ change - pull @ _with_prior(told, tight) @ pull)
+    known = _with_prior(told, tight)
+    gain = float(pull @ change - pull @ known @ pull)
+    kept = known + np.outer(known @ pull, known @ pull)  # lenses that stay are off by what the points ask for, too
     noise, moved = best.fit.epipolar_noise, move_deg(best.pose, old)
     quiet = min(plane_levels(measured), default=np.inf)
     elsewhere = not (noise.level < min(LOUD * quiet, 1.0) and noise.shared < max(0.5 * noise.level, MISFIT_PX))
@@ -87,11 +91,11 @@ def lens_evidence(
         )
         change, covariance = posterior.parameters.lens, posterior.lens_covariance
     sigma = np.sqrt(np.diag(covariance))
-    known = bool((sigma[FOCAL] <= KNOWN_FOCAL).all())
+    determined = bool((sigma[FOCAL] <= KNOWN_FOCAL).all())
     # The change itself must be as clear as what it gains: another fit, of whatever kind, is no proof of a lens.
     clear = float(change @ np.linalg.solve(covariance + tight.covariance, change))
-    verdict = "changed" if min(gain, clear) > CHANGED_GAIN else "checked" if known else "unchecked"
-    return LensEvidence(verdict, change, sigma, gain, posterior, others)
+    verdict = "changed" if min(gain, clear) > CHANGED_GAIN else "checked" if determined else "unchecked"
+    return LensEvidence(verdict, change, sigma, gain, kept, posterior, others)
 
 
 def _believable(pull: FloatArray, told: FloatArray, wide: LensPrior) -> tuple[FloatArray, FloatArray]:
