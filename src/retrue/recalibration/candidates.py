@@ -35,6 +35,7 @@ MOST_SCATTER, SCATTER_PX = 4.0, 1.0  # along the epipolar line, of the noise acr
 FEWEST_ELSEWHERE = 12  # points off a plane, below which it is all that tells the pose
 MISLED = 20.5  # of chi-square with five degrees of freedom: once in a thousand by chance
 MUCH_QUIETER = 2.0
+WORTH_A_PLANE = 1.2  # of the variance of the pose in some direction, without planes: a tenth of sigma
 SCORED_POINTS = 500
 FEWEST_FREE = 30  # points off all planes, below which five points tell nothing that planes do not
 
@@ -225,6 +226,28 @@ def misleading_plane(posterior: Posterior, lenses: FloatArray) -> BoolArray:
         except DegenerateError:
             continue
     return (deviations > MISLED) & (deviations == deviations.max(initial=0.0))
+
+
+def needless_planes(posterior: Posterior, lenses: FloatArray) -> BoolArray:
+    """(P,) all planes or none: those that tell nothing of the pose, or not the truth, which no single one shows.
+
+    A plane is taken for granted, and bends the pose where it is none: where points alone know the pose as well in every
+    direction, nothing is gained by that.
+    """
+    nothing = np.zeros(len(posterior.pose.planes), dtype=np.bool_)
+    if not len(nothing) or np.count_nonzero(posterior.fit.explained) < FEWEST_FREE:
+        return nothing
+    try:
+        measured = posterior.measured.without_planes(~nothing)
+        alone = fit_posterior(measured, posterior.parameters.without_planes(~nothing), posterior.prior, 6)
+        root = np.linalg.cholesky(posterior.covariance)
+    except (DegenerateError, np.linalg.LinAlgError):
+        return nothing
+    relative = np.linalg.solve(root, np.linalg.solve(root, alone.covariance).T)
+    pose = posterior.pose
+    difference = PosePrior(pose.R, pose.t, np.eye(POSE_PARAMETERS)).difference(alone.pose)
+    deviations = float(difference @ np.linalg.solve(_of_difference(posterior, alone, lenses), difference))
+    return nothing | (deviations > MISLED) | (float(np.linalg.eigvalsh(relative)[-1]) < WORTH_A_PLANE)
 
 
 def _of_difference(posterior: Posterior, alone: Posterior, lenses: FloatArray) -> FloatArray:
