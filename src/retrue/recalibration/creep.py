@@ -9,8 +9,7 @@ further from what was expected than one in twenty, the rate changed, and the fil
 
 What the rig was off from the beginning is no creep, nor is what another scene adds at once: only what is added since,
 little by little. A frame that is far both from what was expected and from the frames before is left out; so are others,
-until `BUMP_FRAMES` of them in a row agree with each other: that is a bump, or another scene, and the filter goes on
-from there.
+for `BUMP_FRAMES` in a row: then the filter goes on from there, and where they agreed it was a bump, or another scene.
 """
 
 from __future__ import annotations
@@ -199,14 +198,24 @@ def _jump(creep: Creep, offset: FloatArray, frame: FloatArray, options: CreepOpt
 
 
 def _after_jump(creep: Creep, offset: FloatArray, frame: FloatArray, options: CreepOptions) -> Creep:
-    """One more frame elsewhere; where as many as a bump takes agree, the filter goes on from their mean."""
-    jumps = np.vstack([np.empty((0, SIZE)) if creep.jumps is None else creep.jumps, offset])[-BUMP_FRAMES:]
-    mean = jumps.mean(axis=0)
-    apart = max(_length(one - mean, creep.noise) for one in jumps)
-    if len(jumps) < BUMP_FRAMES or not apart <= options.creep_sigmas:
+    """One more frame elsewhere; after as many as a bump takes, the filter goes on from their mean.
+
+    Where they do not agree, it was no bump: the rig moves from frame to frame, and the scatter says so from then on.
+    """
+    jumps = np.vstack([np.empty((0, SIZE)) if creep.jumps is None else creep.jumps, offset])
+    if len(jumps) < BUMP_FRAMES:
         return replace(creep, jumps=jumps)
-    begun = _begun(mean, frame / BUMP_FRAMES)
-    return replace(begun, frame=frame, recent=jumps, scatter=creep.scatter, frames=BUMP_FRAMES, bumps=creep.bumps + 1)
+    mean, steps = jumps.mean(axis=0), np.diff(jumps, axis=0)
+    agreed = max(_length(one - mean, creep.noise) for one in jumps) <= options.creep_sigmas
+    scatter = max(_length(step, 2 * creep.frame) ** 2 / SIZE for step in steps)
+    return replace(
+        _begun(mean, frame / BUMP_FRAMES),
+        frame=frame,
+        recent=jumps,
+        scatter=creep.scatter if agreed else max(creep.scatter, scatter),
+        frames=BUMP_FRAMES,
+        bumps=creep.bumps + int(agreed),
+    )
 
 
 def _length(vector: FloatArray, covariance: FloatArray) -> float:

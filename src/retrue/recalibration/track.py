@@ -102,10 +102,10 @@ def _bumps(y: FloatArray, R: FloatArray, options: CreepOptions) -> tuple[IntArra
     for k, (offset, frame) in enumerate(zip(y, R, strict=True)):
         before, creep = creep, after_offset(creep, offset, frame, options)
         used[k] = creep.jumps is None
-        if before is not None and creep.bumps > before.bumps:
+        if before is not None and before.jumps is not None and creep.frames == BUMP_FRAMES:  # it began anew
             first = k + 1 - BUMP_FRAMES
             used[first : k + 1] = True
-            bumps.append(first)
+            bumps += [first] * (creep.bumps - before.bumps)
     return np.array(bumps, dtype=np.int64), used
 
 
