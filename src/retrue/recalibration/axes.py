@@ -15,7 +15,7 @@ import numpy as np
 from retrue.geometry.arrays import FloatArray
 from retrue.geometry.transform import RigidTransform, vector_from_rotation
 from retrue.geometry.two_view import tangent_basis
-from retrue.recalibration.result import Evidence
+from retrue.recalibration.result import Evidence, Verification
 
 NAMES = (
     "rotation about the baseline",
@@ -50,6 +50,13 @@ def axes_of(old: RigidTransform, evidence: Evidence) -> tuple[AxisMove, ...]:
     if new is None or covariance is None:
         return ()
     return axes_between(old, new, np.asarray(covariance, dtype=np.float64))
+
+
+def axes_of_verification(old: RigidTransform, found: Verification) -> tuple[AxisMove, ...]:
+    """The same of a verification: from the rig's pose to that which the capture supports."""
+    if found.supported_pose is None or found.covariance is None:
+        return ()
+    return axes_between(old, found.supported_pose, found.covariance)
 
 
 def axes_between(old: RigidTransform, new: RigidTransform, covariance: FloatArray) -> tuple[AxisMove, ...]:

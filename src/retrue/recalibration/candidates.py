@@ -37,6 +37,7 @@ MISLED = 20.5  # of chi-square with five degrees of freedom: once in a thousand 
 MUCH_QUIETER = 2.0
 WORTH_A_PLANE = 1.2  # of the variance of the pose in some direction, without planes: a tenth of sigma
 SCORED_POINTS = 500
+MOST = 0.5
 FEWEST_FREE = 30  # points off all planes, below which five points tell nothing that planes do not
 
 
@@ -235,8 +236,9 @@ def needless_planes(posterior: Posterior, lenses: FloatArray) -> BoolArray:
     direction, nothing is gained by that.
     """
     nothing = np.zeros(len(posterior.pose.planes), dtype=np.bool_)
-    if not len(nothing) or np.count_nonzero(posterior.fit.explained) < FEWEST_FREE:
-        return nothing
+    explained = int(np.count_nonzero(posterior.fit.explained))
+    if not len(nothing) or explained < FEWEST_FREE or explained < MOST * len(posterior.points):
+        return nothing  # what few points share, planes may hold together
     try:
         measured = posterior.measured.without_planes(~nothing)
         alone = fit_posterior(measured, posterior.parameters.without_planes(~nothing), posterior.prior, 6)
@@ -262,12 +264,13 @@ def better_without_planes(posterior: Posterior, noise: float, rng: np.random.Gen
     """Poses that explain more, or leave much less across the epipolar lines, if no point is on a plane.
 
     A ball or a pipe passes for one bowed plane, from a pose that fits it worse than neighbours fit each other. A curled
-    sheet passes for a plane from a pose that fits the sheet alone, while all points have one pose without it. None
-    where there is no need.
+    sheet passes for a plane from a pose that fits the sheet alone, while all points have one pose without it; those set
+    aside have their explanation. None where there is no need.
     """
     points, level = posterior.points, posterior.fit.epipolar_noise.level
     nominal = float(np.median(np.hypot(points.camera_sigma, points.projector_sigma)))
-    missed = (points.plane_index == FREE) & ~posterior.fit.explained
+    asked = np.ones(len(points), dtype=np.bool_) if posterior.measured.aside is None else ~posterior.measured.aside
+    missed = asked & (points.plane_index == FREE) & ~posterior.fit.explained
     if not len(posterior.pose.planes):
         return []
     if not (level * nominal > noise or np.count_nonzero(missed) >= FEWEST_FREE):
@@ -279,12 +282,13 @@ def better_without_planes(posterior: Posterior, noise: float, rng: np.random.Gen
         fits = refined_poses(starts, Support(free, blocks), rng)
     except DegenerateError:
         return []
-    explained = int(np.count_nonzero(np.abs(epipolar_residuals(posterior.pose, free)) < CUTOFF * level))
+    explained = int(np.count_nonzero(asked & (np.abs(epipolar_residuals(posterior.pose, free)) < CUTOFF * level)))
 
     def better(fit: PoseFit) -> bool:
         loudness = fit.epipolar_noise.level / level
-        more = int(np.count_nonzero(fit.explained)) - explained
-        return loudness * MUCH_QUIETER < 1 or (loudness < MUCH_QUIETER and more >= FEWEST_ELSEWHERE)
+        own = int(np.count_nonzero(asked & fit.explained))
+        more = own >= max(explained + FEWEST_ELSEWHERE, MOST * len(points))
+        return loudness * MUCH_QUIETER < 1 or (loudness < MUCH_QUIETER and more)
 
     return [fit for fit in fits if better(fit)]
 

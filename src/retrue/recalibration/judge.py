@@ -162,11 +162,11 @@ def judge(rig: Rig, captures: Sequence[Correspondences], options: RecalibrateOpt
         best, rivals = ranked([lens.posterior, *lens.others], measured, few, light, old, part, rng)
         start, prior = best.parameters, Prior(wide, free=True)
     elif lens.verdict == "checked" or not prior.free:
-        prior = Prior(lens.prior, kept=lens.kept)
+        prior = Prior(lens.prior)
     if _calibrated_together(rig, captures, options) and not prior.free:
         distance = working_distance(best.fit, best.points, float(np.linalg.norm(pose.t)))
         together = None if distance is None else pose_with_lenses(rig, distance, tight)
-        prior = replace(prior, together=together)
+        prior = replace(prior, kept=lens.kept, together=together)
     nobody = np.empty((len(rays), 0), dtype=np.int64)
     whole = _measured(rig, captures, rays, homographies, nobody, options.flatness_sigma)
     answer = posterior_at(whole, start, prior)
