@@ -21,6 +21,7 @@ from dataclasses import replace
 import numpy as np
 
 from retrue import Camera, Correspondences, Rig, RigidTransform, recalibrate
+from retrue.correspondences import Card
 from retrue.geometry.transform import direction_angle, rotation_angle
 
 TROUBLES = ("nothing", "repeated print", "clustered wrong", "moved object", "near duplicates", "all of it")
@@ -96,9 +97,11 @@ def matches(rig: Rig, trouble: str, random: np.random.Generator) -> Corresponden
     else:
         jitter = np.zeros((len(rows), 2))
     each = sigma[rows] / np.sqrt(2)
+    card = Card("features", count, len(rows), {}, 1.0)
     return Correspondences(
-        pixels[rows] + jitter, seen[rows] + jitter, each, each, camera_size=(640, 480), projector_size=(640, 480)
-    )
+        pixels[rows] + jitter, seen[rows] + jitter, each, each, card=card, camera_size=(640, 480),
+        projector_size=(640, 480),
+    )  # fmt: skip
 
 
 def main() -> int:

@@ -26,6 +26,7 @@ from retrue.recalibration.options import RecalibrateOptions
 from retrue.recalibration.posterior import PosePrior, Posterior, fit_posterior
 from retrue.recalibration.rays import Rays
 from retrue.recalibration.reasons import PointsNotSpread, TooFewPoints, Undecidable
+from retrue.recalibration.result import sigma_at, working_distance
 
 PLANARITY_PX = 0.25  # how far a real board or wall is off a plane, at least, in projector pixels
 GATHERED_POINTS = 500  # enough to bring a start near
@@ -35,6 +36,7 @@ MOST_SCATTER, SCATTER_PX = 4.0, 1.0  # along the epipolar line, of the noise acr
 FEWEST_ELSEWHERE = 12  # points off a plane, below which it is all that tells the pose
 MISLED = 20.5  # of chi-square with five degrees of freedom: once in a thousand by chance
 MUCH_QUIETER = 2.0
+CLOSE = 2e-3  # of the distance: a drift so small is called improvable
 WORTH_A_PLANE = 1.2  # of the variance of the pose in some direction, without planes: a tenth of sigma
 SCORED_POINTS = 500
 MOST = 0.5
@@ -232,8 +234,8 @@ def misleading_plane(posterior: Posterior, lenses: FloatArray) -> BoolArray:
 def needless_planes(posterior: Posterior, lenses: FloatArray) -> BoolArray:
     """(P,) all planes or none: those that tell nothing of the pose, or not the truth, which no single one shows.
 
-    A plane is taken for granted, and bends the pose where it is none: where points alone know the pose as well in every
-    direction, nothing is gained by that.
+    Of photographs, whose sheets, hedges and sidings pass for planes. Such a plane bends the pose, and nothing is gained
+    by it where points alone know the pose as well in every direction, or so well that it matters no more.
     """
     nothing = np.zeros(len(posterior.pose.planes), dtype=np.bool_)
     explained = int(np.count_nonzero(posterior.fit.explained))
@@ -242,14 +244,25 @@ def needless_planes(posterior: Posterior, lenses: FloatArray) -> BoolArray:
     try:
         measured = posterior.measured.without_planes(~nothing)
         alone = fit_posterior(measured, posterior.parameters.without_planes(~nothing), posterior.prior, 6)
-        root = np.linalg.cholesky(posterior.covariance)
+        worth = max(
+            _largest_ratio(alone.covariance, posterior.covariance),
+            _largest_ratio(alone.statistical_covariance, posterior.statistical_covariance),
+        )
     except (DegenerateError, np.linalg.LinAlgError):
         return nothing
-    relative = np.linalg.solve(root, np.linalg.solve(root, alone.covariance).T)
-    pose = posterior.pose
+    pose, rig = posterior.pose, measured.rig
     difference = PosePrior(pose.R, pose.t, np.eye(POSE_PARAMETERS)).difference(alone.pose)
     deviations = float(difference @ np.linalg.solve(_of_difference(posterior, alone, lenses), difference))
-    return nothing | (deviations > MISLED) | (float(np.linalg.eigvalsh(relative)[-1]) < WORTH_A_PLANE)
+    distance = working_distance(alone.fit, alone.points, float(np.linalg.norm(rig.projector_from_camera.t)))
+    off = sigma_at(distance, alone.statistical_covariance, alone.pose, rig).displacement
+    close = distance is not None and off is not None and off < CLOSE * distance
+    return nothing | (deviations > MISLED) | (worth < WORTH_A_PLANE) | close
+
+
+def _largest_ratio(covariance: FloatArray, other: FloatArray) -> float:
+    """Of the variances of both, in whichever direction."""
+    root = np.linalg.cholesky(other)
+    return float(np.linalg.eigvalsh(np.linalg.solve(root, np.linalg.solve(root, covariance).T))[-1])
 
 
 def _of_difference(posterior: Posterior, alone: Posterior, lenses: FloatArray) -> FloatArray:
@@ -287,8 +300,12 @@ def better_without_planes(posterior: Posterior, noise: float, rng: np.random.Gen
     def better(fit: PoseFit) -> bool:
         loudness = fit.epipolar_noise.level / level
         own = int(np.count_nonzero(asked & fit.explained))
-        more = own >= max(explained + FEWEST_ELSEWHERE, MOST * len(points))
-        return loudness * MUCH_QUIETER < 1 or (loudness < MUCH_QUIETER and more)
+        more = own >= max(explained + FEWEST_ELSEWHERE, MOST * len(points)) and loudness < MUCH_QUIETER
+        return loudness * MUCH_QUIETER < 1 or (more and elsewhere(fit) > MISLED)
+
+    def elsewhere(fit: PoseFit) -> float:  # a bare wall leaves a pose of its points so open that it explains anything
+        difference = PosePrior(fit.pose.R, fit.pose.t, np.eye(POSE_PARAMETERS)).difference(posterior.pose)
+        return float(difference @ np.linalg.solve(fit.covariance, difference))
 
     return [fit for fit in fits if better(fit)]
 

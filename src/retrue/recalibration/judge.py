@@ -64,6 +64,7 @@ from retrue.recalibration.reasons import (
     PoseUndetermined,
     Reason,
     RivalUnbeaten,
+    TooFewPoints,
     Undecidable,
 )
 from retrue.recalibration.result import Evidence, PoseSigma, sigma_at, working_distance
@@ -134,6 +135,7 @@ def judge(rig: Rig, captures: Sequence[Correspondences], options: RecalibrateOpt
     wide = wide_prior(rig, tight)
     prior = Prior(wide, free=True) if options.lens == "may-have-changed" else Prior(tight)
     starts = [Parameters.of(fit.pose) for fit in _foremost(fits, few.points)]
+    photographs = all(capture.card is not None and capture.card.counted == "features" for capture in captures)
     light, neighbours = light_of(rig, captures, few), nearest_points(few)
     while True:
         measured = _measured(rig, captures, few, homographies, neighbours, options.flatness_sigma)
@@ -147,7 +149,7 @@ def judge(rig: Rig, captures: Sequence[Correspondences], options: RecalibrateOpt
         curved = curved_planes(best)
         if not curved.any():
             curved = misleading_plane(best, lens.kept)
-        if not curved.any():
+        if photographs and not curved.any():
             curved = needless_planes(best, lens.kept)
         better = [] if curved.any() else better_without_planes(best, noise, rng)
         curved |= bool(better)
@@ -163,10 +165,11 @@ def judge(rig: Rig, captures: Sequence[Correspondences], options: RecalibrateOpt
         start, prior = best.parameters, Prior(wide, free=True)
     elif lens.verdict == "checked" or not prior.free:
         prior = Prior(lens.prior)
-    if _calibrated_together(rig, captures, options) and not prior.free:
+    together = photographs if options.calibrated_together is None else options.calibrated_together
+    if together and "lens_covariance" not in rig.evidence and not prior.free:
         distance = working_distance(best.fit, best.points, float(np.linalg.norm(pose.t)))
-        together = None if distance is None else pose_with_lenses(rig, distance, tight)
-        prior = replace(prior, kept=lens.kept, together=together)
+        follows = None if distance is None else pose_with_lenses(rig, distance, tight)
+        prior = replace(prior, kept=lens.kept, together=follows)
     nobody = np.empty((len(rays), 0), dtype=np.int64)
     whole = _measured(rig, captures, rays, homographies, nobody, options.flatness_sigma)
     answer = posterior_at(whole, start, prior)
@@ -176,6 +179,8 @@ def judge(rig: Rig, captures: Sequence[Correspondences], options: RecalibrateOpt
     answer = posterior_at(whole, start, prior) if others else answer
     if np.count_nonzero(answer.fit.explained) < options.min_points:  # no more of them agree than chance brings together
         share, level = float(np.mean(answer.fit.explained)), answer.fit.epipolar_noise.level
+        if share >= 1 - options.max_outliers:
+            raise Undecidable(TooFewPoints(int(np.count_nonzero(answer.fit.explained)), options.min_points))
         raise Undecidable(PointsDisagree(share, 1 - options.max_outliers, level, options.max_noise_px))
     answer = improved(answer, 1)  # enough to see how planes are bowed
     scale = measured_scale(answer.parameters.bows.ravel(), answer.bow_information)
@@ -263,6 +268,8 @@ def objection(
         return RivalUnbeaten(rival.name, rival.margin, *apart.tolist())
     if sigma is None or distance is None or sigma.displacement is None:
         return PoseUndetermined("pose: the points have no depth; show more of the scene")
+    if not np.isfinite(sigma.displacement):
+        return PoseUndetermined("pose: seen from it, the pictures share no points at the working distance; show more")
     error = sigma.displacement / distance
     rig, pose = judgement.measured.rig, judgement.answer.pose
     length = float(np.linalg.norm(rig.projector_from_camera.t))
@@ -347,15 +354,6 @@ def _measured(
     missed = homography_residuals(rays.points, homographies)
     shapes = bow_shapes(rays.points)
     return Measured(rig, camera_px, projector_px, Support.of(rays), shapes, flatness, neighbours, 0.0, missed)
-
-
-def _calibrated_together(rig: Rig, captures: Sequence[Correspondences], options: RecalibrateOptions) -> bool:
-    """Whether errors of lenses and pose go together; where the rig states the lenses' own, it says what they are."""
-    if "lens_covariance" in rig.evidence:
-        return False
-    if options.calibrated_together is not None:
-        return options.calibrated_together
-    return all(capture.card is not None and capture.card.counted == "features" for capture in captures)
 
 
 def _foremost(fits: list[PoseFit], points: TwoViewPoints) -> list[PoseFit]:
