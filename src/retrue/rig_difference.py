@@ -99,7 +99,7 @@ def pixel_displacement(rig: Rig, distance: float) -> float:
         K[axis, 2] += 1
         off = replace(rig, projector=replace(rig.projector, K=K))
         moved += displacement_rms(rig, off, [rig.projector_from_camera], distance)
-    return float(np.hypot(*moved))
+    return float(np.hypot(moved[0], moved[1]))
 
 
 def _points_at(camera: Camera, distance: float) -> FloatArray:

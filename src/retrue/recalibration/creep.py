@@ -73,7 +73,7 @@ class Creep:
         if self.baseline is None:
             return np.zeros(2)
         moved = self.offset - self.baseline
-        return np.array([np.linalg.norm(moved[:3]), np.linalg.norm(moved[3:])])
+        return np.array([np.linalg.norm(moved[:3]), np.linalg.norm(moved[3:])], dtype=np.float64)
 
     @property
     def sigmas(self) -> float:
@@ -108,8 +108,8 @@ def after_offset(creep: Creep | None, offset: FloatArray, frame: FloatArray, opt
         return _after_jump(creep, offset, frame, options)
     spread = spread * max(_length(innovation, spread[:SIZE, :SIZE] + noise) / SELDOM, 1.0) ** 2
     apart = offset - creep.recent[-1]
-    scatter = float(apart @ np.linalg.solve(frame + creep.frame, apart)) / SIZE
-    gain = np.linalg.solve(spread[:SIZE, :SIZE] + noise, spread[:SIZE]).T
+    scatter = _length(apart, frame + creep.frame) ** 2 / SIZE
+    gain: FloatArray = np.linalg.solve(spread[:SIZE, :SIZE] + noise, spread[:SIZE]).T.astype(np.float64)
     left = np.eye(2 * SIZE)
     left[:, :SIZE] -= gain
     weight = 1 / min(creep.frames + 1, memory)

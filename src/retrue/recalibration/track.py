@@ -79,8 +79,8 @@ def smoothed(
     axes, whitening = vectors * np.sqrt(values), (vectors / np.sqrt(values)).T
     place, rate, scatter = _likeliest_noise(y, R, whitening, steps, bumps, used)
     scaling = axes * np.sqrt(scatter) @ whitening
-    noises = [axes * (variance * scatter) @ axes.T for variance in (place, rate)]
-    offset, covariance = rauch(y, scaling @ R @ scaling.T, *noises, steps, bumps, used)
+    place, rate = (axes * (variance * scatter) @ axes.T for variance in (place, rate))
+    offset, covariance = rauch(y, scaling @ R @ scaling.T, place, rate, steps, bumps, used)
     return Track(offset, covariance, bumps, used, float(scatter.mean()))
 
 
@@ -146,6 +146,10 @@ def _likeliest_noise(
     return np.stack([place[best], rate[best], scatter[np.arange(SIZE), best]])
 
 
+def _moved(trend: FloatArray, state: FloatArray, covariance: FloatArray) -> tuple[FloatArray, FloatArray]:
+    return trend @ state, trend @ covariance @ trend.T
+
+
 def rauch(
     y: FloatArray,
     R: FloatArray,
@@ -156,29 +160,31 @@ def rauch(
     used: BoolArray,
 ) -> tuple[FloatArray, FloatArray]:
     """(N, 5) and (N, 5, 5) from all frames, whose noises are known: forth with a Kalman filter, and back."""
-    count, forgotten = len(y), set(bumps.tolist())
+    count: int = len(y)
+    forgotten: set[int] = set(bumps.tolist())
     expected, spreads = np.empty((count, 2 * SIZE)), np.empty((count, 2 * SIZE, 2 * SIZE))
     states, covariances = np.empty_like(expected), np.empty_like(spreads)
-    state, covariance = np.append(y[0], np.zeros(SIZE)), np.zeros((2 * SIZE, 2 * SIZE))
+    state: FloatArray = np.concatenate([y[0], np.zeros(SIZE)])
+    covariance: FloatArray = np.zeros((2 * SIZE, 2 * SIZE))
     covariance[:SIZE, :SIZE], covariance[SIZE:, SIZE:] = ANYWHERE * R[0], R[0]
-    trend = np.eye(2 * SIZE)
+    trend: FloatArray = np.eye(2 * SIZE, dtype=np.float64)
     for k in range(count):
         trend[:SIZE, SIZE:] = np.eye(SIZE) * steps[k]
-        state, covariance = trend @ state, trend @ covariance @ trend.T
+        state, covariance = _moved(trend, state, covariance)
         covariance[:SIZE, :SIZE] += steps[k] * place
         covariance[SIZE:, SIZE:] += steps[k] * rate
         if k in forgotten:
             covariance[:SIZE, :SIZE] += ANYWHERE * R[k]
         expected[k], spreads[k] = state, covariance
         if used[k]:
-            gain = np.linalg.solve(covariance[:SIZE, :SIZE] + R[k], covariance[:SIZE]).T
+            gain: FloatArray = np.linalg.solve(covariance[:SIZE, :SIZE] + R[k], covariance[:SIZE]).T.astype(np.float64)
             state = state + gain @ (y[k] - state[:SIZE])
             covariance = covariance - gain @ covariance[:SIZE]
             covariance = (covariance + covariance.T) / 2
         states[k], covariances[k] = state, covariance
     for k in range(count - 2, -1, -1):
         trend[:SIZE, SIZE:] = np.eye(SIZE) * steps[k + 1]
-        back = np.linalg.solve(spreads[k + 1], trend @ covariances[k]).T
+        back: FloatArray = np.linalg.solve(spreads[k + 1], trend @ covariances[k]).T.astype(np.float64)
         states[k] += back @ (states[k + 1] - expected[k + 1])
         covariances[k] += back @ (covariances[k + 1] - spreads[k + 1]) @ back.T
     return states[:, :SIZE], covariances[:, :SIZE, :SIZE]

@@ -44,7 +44,7 @@ def match_photographs(asked: Photographs, left: Image, right: Image) -> Correspo
     CaptureError : the same photograph twice.
     """
     pictures = [_checked(image, name) for image, name in ((left, "left"), (right, "right"))]
-    if np.array_equal(*pictures) and pictures[0].min() < pictures[0].max():
+    if np.array_equal(pictures[0], pictures[1]) and pictures[0].min() < pictures[0].max():
         raise CaptureError("photographs", "expected one of each camera, found the same twice")
     grey = [grey_levels(picture) for picture in pictures]
     sharp = [np.clip(np.rint(level), 0, 255).astype(np.uint8) for level in grey]
