@@ -150,6 +150,11 @@ def _moved(trend: FloatArray, state: FloatArray, covariance: FloatArray) -> tupl
     return trend @ state, trend @ covariance @ trend.T
 
 
+def _divided(cross: FloatArray, spread: FloatArray) -> FloatArray:
+    """(M, K): the transpose of cross (K, M) times the inverse of the spread (K, K)."""
+    return np.asarray(np.linalg.solve(spread, cross).T, dtype=np.float64)
+
+
 def rauch(
     y: FloatArray,
     R: FloatArray,
@@ -177,14 +182,14 @@ def rauch(
             covariance[:SIZE, :SIZE] += ANYWHERE * R[k]
         expected[k], spreads[k] = state, covariance
         if used[k]:
-            gain: FloatArray = np.linalg.solve(covariance[:SIZE, :SIZE] + R[k], covariance[:SIZE]).T.astype(np.float64)
+            gain = _divided(covariance[:SIZE], covariance[:SIZE, :SIZE] + R[k])
             state = state + gain @ (y[k] - state[:SIZE])
             covariance = covariance - gain @ covariance[:SIZE]
             covariance = (covariance + covariance.T) / 2
         states[k], covariances[k] = state, covariance
     for k in range(count - 2, -1, -1):
         trend[:SIZE, SIZE:] = np.eye(SIZE) * steps[k + 1]
-        back: FloatArray = np.linalg.solve(spreads[k + 1], trend @ covariances[k]).T.astype(np.float64)
+        back = _divided(trend @ covariances[k], spreads[k + 1])
         states[k] += back @ (states[k + 1] - expected[k + 1])
         covariances[k] += back @ (covariances[k + 1] - spreads[k + 1]) @ back.T
     return states[:, :SIZE], covariances[:, :SIZE, :SIZE]
