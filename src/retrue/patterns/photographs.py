@@ -72,7 +72,7 @@ class Photographs:
 
     matcher: Matcher | None = None
     ratio: float = ranged(0.8, 0, 1, above=True)
-    most_features: int = ranged(2500, 16, 50_000)
+    most_features: int = ranged(4000, 16, 50_000)
     most_points: int = ranged(2000, 16)
     min_likeness: float = ranged(0.65, 0, 1)
 
