@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -82,6 +82,24 @@ def displacement_rms(first: Rig, second: Rig, poses: Sequence[RigidTransform], d
     sigmas = {"camera_sigma": 1 / second.camera.K[0, 0], "projector_sigma": 1 / second.projector.K[0, 0]}
     measured = (triangulate(pose, camera_rays, projector_rays, **sigmas) for pose in poses)
     return [float(np.sqrt(((moved - points) ** 2).sum(axis=1).mean())) for moved in measured]
+
+
+def pixel_displacement(rig: Rig, distance: float) -> float:
+    """How far points at that depth land elsewhere, RMS, if the projector's pixels are one off, across and down.
+
+    >>> from retrue.geometry.transform import RigidTransform
+    >>> camera = Camera((640, 480), [[800, 0, 320], [0, 800, 240], [0, 0, 1]])
+    >>> rig = Rig(camera, camera, RigidTransform(np.eye(3), [-100.0, 0, 0]))
+    >>> round(pixel_displacement(rig, 1000.0), 1)  # Z^2 / (f b), and across the ray
+    13.4
+    """
+    moved: list[float] = []
+    for axis in (0, 1):
+        K = rig.projector.K.copy()
+        K[axis, 2] += 1
+        off = replace(rig, projector=replace(rig.projector, K=K))
+        moved += displacement_rms(rig, off, [rig.projector_from_camera], distance)
+    return float(np.hypot(moved[0], moved[1]))
 
 
 def _points_at(camera: Camera, distance: float) -> FloatArray:

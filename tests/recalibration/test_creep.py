@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from retrue.geometry.transform import RigidTransform
+from retrue.geometry.two_view import tangent_basis
 from retrue.recalibration.creep import Creep, after_frame, creep_is_due, jump
 from retrue.recalibration.result import PoseSigma, Verification
 from retrue.recalibration.streak import CreepOptions
@@ -53,10 +54,10 @@ def test_a_bump_is_no_creep():
     rng = np.random.default_rng(3)
     creep, _ = followed(np.zeros(60), 3)
     bumped = frame(rng, 1.0, "drifted")
-    assert jump(creep, POSE, bumped) > OPTIONS.creep_sigmas
+    assert jump(creep, POSE, bumped, OPTIONS) > OPTIONS.creep_sigmas
     after = after_frame(creep, POSE, bumped, OPTIONS)
     assert np.array_equal(after.offset, creep.offset)
-    assert jump(creep, POSE, frame(rng, 0.05)) < OPTIONS.creep_sigmas
+    assert jump(creep, POSE, frame(rng, 0.05), OPTIONS) < OPTIONS.creep_sigmas
 
 
 def test_another_scene_begins_anew_and_is_no_creep():
@@ -67,6 +68,36 @@ def test_another_scene_begins_anew_and_is_no_creep():
         creep = after_frame(creep, POSE, frame(rng, 0.5), OPTIONS)
         assert not creep_is_due(creep, OPTIONS)
     assert np.degrees(creep.offset[0]) == pytest.approx(0.5, abs=SIGMA_DEG)
+    assert creep.bumps == 1
+
+
+@pytest.mark.parametrize("rate_deg", [0.0002, 0.02])
+def test_a_creep_of_any_rate_is_followed_without_delay(rate_deg):
+    """0.01 and 1 deg an hour, with a frame a minute."""
+    offs = rate_deg * np.arange(400)
+    creep, _ = followed(offs, 4)
+    assert creep.bumps == 0
+    assert abs(np.degrees(creep.offset[0]) - offs[-1]) < SIGMA_DEG / 2
+
+
+def test_what_frames_know_of_each_axis_counts():
+    """A frame that knows one axis ten times worse leaves that one open, and no other."""
+    rng, creep = np.random.default_rng(2), None
+    deviations = np.radians([0.01, 0.1, 0.01, 0.05, 0.02])
+    for _ in range(200):
+        error = rng.normal(0, deviations)
+        turn = RigidTransform.from_rotation_vector(error[:3], np.zeros(3))
+        direction = POSE.t / np.linalg.norm(POSE.t) + tangent_basis(POSE.t / np.linalg.norm(POSE.t)) @ error[3:]
+        seen = RigidTransform(turn.R @ POSE.R, direction)
+        said = Verification(
+            "good", "", 0.1, 400, sigma=PoseSigma(0.1, 0.05), supported_pose=seen,
+            statistical_covariance=np.diag(deviations**2),
+        )  # fmt: skip
+        creep = after_frame(creep, POSE, said, OPTIONS)
+    known = np.sqrt(np.diag(creep.covariance)[:5])
+    assert np.allclose(known / deviations, known[0] / deviations[0], rtol=0.2)
+    assert (np.abs(creep.offset) < 4 * known).all()
+    assert creep.scatter == pytest.approx(1, abs=0.3)
 
 
 def test_a_frame_that_cannot_tell_changes_nothing():

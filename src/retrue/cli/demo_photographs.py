@@ -31,6 +31,7 @@ def demo_photographs(folder: Path) -> Outcome:
     from retrue.files.rigs import write_rig
     from retrue.geometry.transform import RigidTransform
     from retrue.patterns.photographs import PHOTOGRAPHS
+    from retrue.recalibration.axes import axes_of
     from retrue.recalibration.recalibrate import recalibrate
     from retrue.recalibration.result import Accepted
     from retrue.reconstruction.mesh import make_mesh
@@ -48,11 +49,12 @@ def demo_photographs(folder: Path) -> Outcome:
     matched = time.perf_counter()
     result = recalibrate(before, [points])
     recalibrated = time.perf_counter()
+    axes = axes_of(before.projector_from_camera, result.evidence)
     report: dict[str, Any] = {
         "correspondences": len(points),
         "verdict": result.verdict,
         "reason": result.reason,
-        "axes": axes_report(before.projector_from_camera, result.evidence),
+        "axes": axes_report(axes),
         "match_seconds": matched - start,
         "recalibrate_seconds": recalibrated - matched,
     }
@@ -73,7 +75,7 @@ def demo_photographs(folder: Path) -> Outcome:
         "depth_error": float(np.nanmedian(np.abs(cloud.points[:, 2] / pair.depth[row, column] - 1))),
         "files": [str(folder / name) for name in names],
     }
-    return Outcome(report, _story(folder, report, axes_text(before.projector_from_camera, result.evidence)), DONE)
+    return Outcome(report, _story(folder, report, axes_text(axes)), DONE)
 
 
 def _taken() -> tuple[Rig, Photographed]:

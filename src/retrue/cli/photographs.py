@@ -16,8 +16,7 @@ if TYPE_CHECKING:
     from retrue.capture import Capture
     from retrue.decoding.photographs.learned import MatcherName
     from retrue.files.photographs import PhotographPair
-    from retrue.geometry.transform import RigidTransform
-    from retrue.recalibration.result import Evidence
+    from retrue.recalibration.axes import AxisMove
     from retrue.rig import Rig
 
 DEVICES = {"projector": "second camera", "camera": "first camera"}
@@ -78,19 +77,15 @@ def read_pairs(rig: Rig, paths: Sequence[Path], matcher: MatcherName = "sift") -
     return read
 
 
-def axes_text(old: RigidTransform, evidence: Evidence) -> str:
+def axes_text(axes: Sequence[AxisMove]) -> str:
     """The move axis by axis, a line each; nothing where there is no pose."""
-    from retrue.recalibration.axes import axes_of
-
-    lines = [f"  {one.name}: {one.moved_deg:+.3f} deg, sigma {one.sigma_deg:.3f} deg" for one in axes_of(old, evidence)]
+    lines = [f"  {one.name}: {one.moved_deg:+.3f} deg, sigma {one.sigma_deg:.3f} deg" for one in axes]
     return "\n".join(["axis by axis:", *lines]) if lines else ""
 
 
-def axes_report(old: RigidTransform, evidence: Evidence) -> list[dict[str, Any]]:
+def axes_report(axes: Sequence[AxisMove]) -> list[dict[str, Any]]:
     """The same for `--json`."""
-    from retrue.recalibration.axes import axes_of
-
-    return [asdict(one) for one in axes_of(old, evidence)]
+    return [asdict(one) for one in axes]
 
 
 def _of_cameras(said: Any) -> Any:

@@ -62,6 +62,7 @@ class Recalibrate(PhotographCommand):
     def run(self) -> Outcome:
         from retrue.cli.json_output import recalibration_report
         from retrue.files.rigs import read_rig
+        from retrue.recalibration.axes import axes_of
         from retrue.recalibration.recalibrate import recalibrate
         from retrue.recalibration.result import Accepted, unattended
 
@@ -75,12 +76,13 @@ class Recalibrate(PhotographCommand):
         seconds = time.perf_counter() - start
         result = unattended(result) if self.in_place else result
         report = recalibration_report(result, seconds)
+        axes = axes_of(rig.projector_from_camera, result.evidence) if self.stereo else ()
         if self.stereo:
-            report |= {"axes": axes_report(rig.projector_from_camera, result.evidence)}
+            report |= {"axes": axes_report(axes)}
         page = None if self.report is None else (self.report, self._page(rig, captures, result))
         said = _described(result, rig.unit)
-        if self.stereo and (axes := axes_text(rig.projector_from_camera, result.evidence)):
-            said += f"\n{axes}"
+        if axes:
+            said += f"\n{axes_text(axes)}"
         if not isinstance(result, Accepted):
             refused = Outcome(report, f"{said}\nnothing was written", REFUSED_OR_DRIFTED, page)
             return self.told(with_advice(refused, captures))

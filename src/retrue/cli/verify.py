@@ -17,7 +17,7 @@ from retrue.cli.command import (
     require_writable,
     with_advice,
 )
-from retrue.cli.photographs import PhotographCommand
+from retrue.cli.photographs import PhotographCommand, axes_report, axes_text
 from retrue.recalibration.options import VerifyOptions
 
 
@@ -46,6 +46,7 @@ class Verify(PhotographCommand):
     def run(self) -> Outcome:
         from retrue.cli.json_output import verification_report
         from retrue.files.rigs import read_rig
+        from retrue.recalibration.axes import axes_of_verification
         from retrue.recalibration.verify import verify
 
         require_writable(self.report)
@@ -55,6 +56,10 @@ class Verify(PhotographCommand):
         verification = verify(rig, [capture.points for capture in captures], self.limits)
         report = verification_report(verification, time.perf_counter() - start)
         text = f"{verification.band}: {verification.reason}"
+        if self.stereo:
+            axes = axes_of_verification(rig.projector_from_camera, verification)
+            report |= {"axes": axes_report(axes)}
+            text += f"\n{axes_text(axes)}" if axes else ""
         page = None
         if self.report is not None:
             from retrue.report.verification_page import verification_page

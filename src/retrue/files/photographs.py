@@ -60,7 +60,10 @@ def read_pair(pair: Pair, asked: Photographs = PHOTOGRAPHS) -> PhotographPair:
     from retrue.decoding.photographs.match_photographs import match_photographs
 
     left, right = (read_image(path) for path in pair)
-    points = match_photographs(asked, left, right)
+    try:
+        points = match_photographs(asked, left, right)
+    except CaptureError as error:
+        raise CaptureError(f"{pair[0]}, {pair[1]}", error.problem) from error
     height, width = left.shape[:2]
     name = f"{pair[0].name}, {pair[1].name}"
     if pair[0].name == pair[1].name:

@@ -15,7 +15,7 @@ import numpy as np
 from retrue.geometry.arrays import FloatArray
 from retrue.geometry.transform import RigidTransform, vector_from_rotation
 from retrue.geometry.two_view import tangent_basis
-from retrue.recalibration.result import Evidence
+from retrue.recalibration.result import Evidence, Verification
 
 NAMES = (
     "rotation about the baseline",
@@ -49,6 +49,24 @@ def axes_of(old: RigidTransform, evidence: Evidence) -> tuple[AxisMove, ...]:
     new, covariance = evidence.pose, evidence.details.get("covariance")
     if new is None or covariance is None:
         return ()
+    return axes_between(old, new, np.asarray(covariance, dtype=np.float64))
+
+
+def axes_of_verification(old: RigidTransform, found: Verification) -> tuple[AxisMove, ...]:
+    """The same of a verification: from the rig's pose to that which the capture supports."""
+    if found.supported_pose is None or found.covariance is None:
+        return ()
+    return axes_between(old, found.supported_pose, found.covariance)
+
+
+def axes_between(old: RigidTransform, new: RigidTransform, covariance: FloatArray) -> tuple[AxisMove, ...]:
+    """The same of two poses, the second with that covariance (5, 5).
+
+    >>> old, new = (RigidTransform.from_rotation_vector([0, turn, 0], [-1.0, 0, 0]) for turn in (0.0, 0.01))
+    >>> moves = axes_between(old, new, np.eye(5) * 1e-6)
+    >>> moves[2].name, round(abs(moves[2].moved_deg), 3), round(moves[2].sigma_deg, 3)
+    ('rotation towards each other', 0.573, 0.057)
+    """
     baseline, sight, normal = pose_frame(old.t)
     turn = vector_from_rotation(new.R @ old.R.T)
     unit = new.t / np.linalg.norm(new.t)
@@ -57,7 +75,7 @@ def axes_of(old: RigidTransform, evidence: Evidence) -> tuple[AxisMove, ...]:
     rows[:3, :3] = baseline, sight, normal
     rows[3:, 3:] = np.stack([normal, sight]) @ tangent
     moved = np.concatenate([rows[:3, :3] @ turn, np.stack([normal, sight]) @ (unit - baseline)])
-    variance = np.einsum("ij,jk,ik->i", rows, np.asarray(covariance, dtype=np.float64), rows)
+    variance = np.einsum("ij,jk,ik->i", rows, covariance, rows)
     sigma = np.degrees(np.sqrt(np.maximum(variance, 0.0)))
     degrees = np.degrees(moved)
     return tuple(AxisMove(*one) for one in zip(NAMES, degrees.tolist(), sigma.tolist(), strict=True))

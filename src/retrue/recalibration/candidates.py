@@ -10,14 +10,23 @@ from retrue.errors import DegenerateError
 from retrue.geometry.arrays import BoolArray, FloatArray, IntArray
 from retrue.geometry.five_points import best_essentials, poses_of_essential
 from retrue.geometry.planar_pose import PlanarPose, planar_pose_candidates, twin_pose
-from retrue.geometry.robust import MAD_TO_SIGMA, quantile
+from retrue.geometry.robust import CUTOFF, MAD_TO_SIGMA, quantile
 from retrue.geometry.robust_homography import HYPOTHESES, MOST_HYPOTHESES, largest_plane, local_noise
-from retrue.geometry.two_view import FREE, POSE_PARAMETERS, TwoViewPoints, TwoViewPose, behind, planes_of_pose
+from retrue.geometry.two_view import (
+    FREE,
+    POSE_PARAMETERS,
+    TwoViewPoints,
+    TwoViewPose,
+    behind,
+    epipolar_residuals,
+    planes_of_pose,
+)
 from retrue.recalibration.fit import PoseFit, Support, gather, refine, same_pose
 from retrue.recalibration.options import RecalibrateOptions
 from retrue.recalibration.posterior import PosePrior, Posterior, fit_posterior
 from retrue.recalibration.rays import Rays
 from retrue.recalibration.reasons import PointsNotSpread, TooFewPoints, Undecidable
+from retrue.recalibration.result import sigma_at, working_distance
 
 PLANARITY_PX = 0.25  # how far a real board or wall is off a plane, at least, in projector pixels
 GATHERED_POINTS = 500  # enough to bring a start near
@@ -27,7 +36,10 @@ MOST_SCATTER, SCATTER_PX = 4.0, 1.0  # along the epipolar line, of the noise acr
 FEWEST_ELSEWHERE = 12  # points off a plane, below which it is all that tells the pose
 MISLED = 20.5  # of chi-square with five degrees of freedom: once in a thousand by chance
 MUCH_QUIETER = 2.0
+CLOSE = 2e-3  # of the distance: a drift so small is called improvable
+WORTH_A_PLANE = 1.2  # of the variance of the pose in some direction, without planes: a tenth of sigma
 SCORED_POINTS = 500
+MOST = 0.5
 FEWEST_FREE = 30  # points off all planes, below which five points tell nothing that planes do not
 
 
@@ -196,11 +208,12 @@ def curved_planes(posterior: Posterior) -> BoolArray:
     return gone
 
 
-def misleading_plane(posterior: Posterior) -> BoolArray:
+def misleading_plane(posterior: Posterior, lenses: FloatArray) -> BoolArray:
     """(P,) the plane, at most one, without which all points together tell another pose: it was none.
 
     A plane adds to what points tell of the pose without it. Where both answers differ by more than what the points
-    alone leave open (Hausman 1978), it is the plane that is not true.
+    alone leave open (Hausman 1978), it is the plane that is not true. Both were seen through the same lenses, whose
+    errors, of second moment `lenses` (8, 8), tell them apart only as far as the two poses follow them differently.
     """
     pose, plane = posterior.pose, posterior.points.plane_index
     deviations = np.zeros(len(pose.planes))
@@ -212,20 +225,68 @@ def misleading_plane(posterior: Posterior) -> BoolArray:
             measured = posterior.measured.without_planes(gone)
             alone = fit_posterior(measured, posterior.parameters.without_planes(gone), posterior.prior, 6)
             difference = PosePrior(pose.R, pose.t, np.eye(POSE_PARAMETERS)).difference(alone.pose)
-            deviations[index] = difference @ np.linalg.solve(alone.covariance, difference)
+            deviations[index] = difference @ np.linalg.solve(_of_difference(posterior, alone, lenses), difference)
         except DegenerateError:
             continue
     return (deviations > MISLED) & (deviations == deviations.max(initial=0.0))
 
 
-def quieter_without_planes(posterior: Posterior, noise: float, rng: np.random.Generator) -> list[PoseFit]:
-    """Poses that leave much less across the epipolar lines if no point is on a plane; none where there is no need.
+def needless_planes(posterior: Posterior, lenses: FloatArray) -> BoolArray:
+    """(P,) all planes or none: those that tell nothing of the pose, or not the truth, which no single one shows.
 
-    A ball or a pipe passes for one bowed plane, from a pose that fits it worse than neighbours fit each other.
+    Of photographs, whose sheets, hedges and sidings pass for planes. Such a plane bends the pose, and nothing is gained
+    by it where points alone know the pose as well in every direction, or so well that it matters no more.
+    """
+    nothing = np.zeros(len(posterior.pose.planes), dtype=np.bool_)
+    explained = int(np.count_nonzero(posterior.fit.explained))
+    if not len(nothing) or explained < FEWEST_FREE or explained < MOST * len(posterior.points):
+        return nothing  # what few points share, planes may hold together
+    try:
+        measured = posterior.measured.without_planes(~nothing)
+        alone = fit_posterior(measured, posterior.parameters.without_planes(~nothing), posterior.prior, 6)
+        worth = max(
+            _largest_ratio(alone.covariance, posterior.covariance),
+            _largest_ratio(alone.statistical_covariance, posterior.statistical_covariance),
+        )
+    except (DegenerateError, np.linalg.LinAlgError):
+        return nothing
+    pose, rig = posterior.pose, measured.rig
+    difference = PosePrior(pose.R, pose.t, np.eye(POSE_PARAMETERS)).difference(alone.pose)
+    deviations = float(difference @ np.linalg.solve(_of_difference(posterior, alone, lenses), difference))
+    distance = working_distance(alone.fit, alone.points, float(np.linalg.norm(rig.projector_from_camera.t)))
+    off = sigma_at(distance, alone.statistical_covariance, alone.pose, rig).displacement
+    close = distance is not None and off is not None and off < CLOSE * distance
+    return nothing | (deviations > MISLED) | (worth < WORTH_A_PLANE) | close
+
+
+def _largest_ratio(covariance: FloatArray, other: FloatArray) -> float:
+    """Of the variances of both, in whichever direction."""
+    root = np.linalg.cholesky(other)
+    return float(np.linalg.eigvalsh(np.linalg.solve(root, np.linalg.solve(root, covariance).T))[-1])
+
+
+def _of_difference(posterior: Posterior, alone: Posterior, lenses: FloatArray) -> FloatArray:
+    """(5, 5) covariance of the difference between a pose and that of a part of its points."""
+    if posterior.prior.free:
+        return alone.covariance
+    apart = alone.follows - posterior.follows
+    return alone.statistical_covariance + apart @ lenses @ apart.T
+
+
+def better_without_planes(posterior: Posterior, noise: float, rng: np.random.Generator) -> list[PoseFit]:
+    """Poses that explain more, or leave much less across the epipolar lines, if no point is on a plane.
+
+    A ball or a pipe passes for one bowed plane, from a pose that fits it worse than neighbours fit each other. A curled
+    sheet passes for a plane from a pose that fits the sheet alone, while all points have one pose without it; those set
+    aside have their explanation. None where there is no need.
     """
     points, level = posterior.points, posterior.fit.epipolar_noise.level
     nominal = float(np.median(np.hypot(points.camera_sigma, points.projector_sigma)))
-    if not len(posterior.pose.planes) or not level * nominal > noise:
+    asked = np.ones(len(points), dtype=np.bool_) if posterior.measured.aside is None else ~posterior.measured.aside
+    missed = asked & (points.plane_index == FREE) & ~posterior.fit.explained
+    if not len(posterior.pose.planes):
+        return []
+    if not (level * nominal > noise or np.count_nonzero(missed) >= FEWEST_FREE):
         return []
     free = replace(points, plane_index=np.full(len(points), FREE))
     blocks = np.stack([posterior.measured.support.blocks[0], np.full(len(points), -1)])
@@ -234,7 +295,19 @@ def quieter_without_planes(posterior: Posterior, noise: float, rng: np.random.Ge
         fits = refined_poses(starts, Support(free, blocks), rng)
     except DegenerateError:
         return []
-    return [fit for fit in fits if fit.epipolar_noise.level * MUCH_QUIETER < level]
+    explained = int(np.count_nonzero(asked & (np.abs(epipolar_residuals(posterior.pose, free)) < CUTOFF * level)))
+
+    def better(fit: PoseFit) -> bool:
+        loudness = fit.epipolar_noise.level / level
+        own = int(np.count_nonzero(asked & fit.explained))
+        more = own >= max(explained + FEWEST_ELSEWHERE, MOST * len(points)) and loudness < MUCH_QUIETER
+        return loudness * MUCH_QUIETER < 1 or (more and elsewhere(fit) > MISLED)
+
+    def elsewhere(fit: PoseFit) -> float:  # a bare wall leaves a pose of its points so open that it explains anything
+        difference = PosePrior(fit.pose.R, fit.pose.t, np.eye(POSE_PARAMETERS)).difference(posterior.pose)
+        return float(difference @ np.linalg.solve(fit.covariance, difference))
+
+    return [fit for fit in fits if better(fit)]
 
 
 def twins_of(pose: TwoViewPose, points: TwoViewPoints) -> list[TwoViewPose]:

@@ -12,16 +12,17 @@ from retrue.correspondences import Correspondences
 from retrue.errors import DegenerateError, InputError
 from retrue.geometry.arrays import BoolArray, FloatArray, IntArray, finite_array
 from retrue.geometry.robust import CUTOFF
-from retrue.geometry.transform import direction_angle, rotation_angle
+from retrue.geometry.transform import RigidTransform, direction_angle, rotation_angle
 from retrue.geometry.two_view import POSE_PARAMETERS, TwoViewPoints, TwoViewPose
 from retrue.recalibration.bows import bow_shapes, measured_scale
 from retrue.recalibration.candidates import (
     behind,
+    better_without_planes,
     check_spread,
     curved_planes,
     match_noise,
     misleading_plane,
-    quieter_without_planes,
+    needless_planes,
     refined_poses,
     starting_poses,
     twins_of_planes,
@@ -29,7 +30,7 @@ from retrue.recalibration.candidates import (
 )
 from retrue.recalibration.fit import PoseFit, Support
 from retrue.recalibration.lens import LENS_NAMES, LENS_PARAMETERS, stated_prior, wide_prior
-from retrue.recalibration.lens_evidence import LensEvidence, effective_prior, lens_evidence
+from retrue.recalibration.lens_evidence import LensEvidence, lens_evidence
 from retrue.recalibration.options import RecalibrateOptions
 from retrue.recalibration.parts import (
     LOUD,
@@ -63,15 +64,19 @@ from retrue.recalibration.reasons import (
     PoseUndetermined,
     Reason,
     RivalUnbeaten,
+    TooFewPoints,
     Undecidable,
 )
-from retrue.recalibration.result import Evidence, PoseSigma, sigma_at
+from retrue.recalibration.result import Evidence, PoseSigma, sigma_at, working_distance
 from retrue.recalibration.rivals import Rival, light_of, move_deg, nearest_points, plane_levels, ranked
 from retrue.recalibration.swapped import move_if_exchanged
+from retrue.recalibration.together import pose_with_lenses
 from retrue.rig import Rig
+from retrue.rig_difference import pixel_displacement
 
 COMPARED_POINTS = 1500  # enough to tell hypotheses apart; the best is then fitted to all
 LEAST_LEFT = 0.05  # of the points, as many as a plane holds at least
+MOST = 0.5
 HYPOTHESES = 4  # fitted with their lenses; the others explain much less
 
 
@@ -130,33 +135,41 @@ def judge(rig: Rig, captures: Sequence[Correspondences], options: RecalibrateOpt
     wide = wide_prior(rig, tight)
     prior = Prior(wide, free=True) if options.lens == "may-have-changed" else Prior(tight)
     starts = [Parameters.of(fit.pose) for fit in _foremost(fits, few.points)]
+    photographs = all(capture.card is not None and capture.card.counted == "features" for capture in captures)
     light, neighbours = light_of(rig, captures, few), nearest_points(few)
     while True:
         measured = _measured(rig, captures, few, homographies, neighbours, options.flatness_sigma)
         posteriors = [fit_posterior(measured, start, prior, 6) for start in starts]
         best, rivals = ranked(posteriors, measured, few, light, old, None, rng)
         part = other_part(best, unexplained(best), rng)
-        apart = _apart(posteriors, best, part, measured)
+        apart = _apart(posteriors, best, part, measured, alone=len(captures) == 1)
         if apart:
             best, rivals = ranked([*posteriors, *apart], measured, few, light, old, part, rng)
         lens = lens_evidence(measured, homographies, best, part, tight, wide, old)
         curved = curved_planes(best)
         if not curved.any():
-            curved = misleading_plane(best)
-        quieter = [] if curved.any() else quieter_without_planes(best, noise, rng)
-        curved |= bool(quieter)
+            curved = misleading_plane(best, lens.kept)
+        if photographs and not curved.any():
+            curved = needless_planes(best, lens.kept)
+        better = [] if curved.any() else better_without_planes(best, noise, rng)
+        curved |= bool(better)
         if lens.verdict == "changed" or not curved.any():  # through a changed lens no plane looks flat
             break
         rays, few = rays.without_planes(curved), few.without_planes(curved)
         homographies = [H for H, gone in zip(homographies, curved, strict=True) if not gone]
         starts = [fit.parameters.without_planes(curved) for fit in posteriors]
-        starts += [Parameters.of(fit.pose) for fit in quieter]
+        starts += [Parameters.of(fit.pose) for fit in better]
     start = best.parameters
     if lens.verdict == "changed" and options.lens == "refit" and lens.posterior is not None:
         best, rivals = ranked([lens.posterior, *lens.others], measured, few, light, old, part, rng)
         start, prior = best.parameters, Prior(wide, free=True)
-    elif lens.verdict == "checked":
-        prior = Prior(effective_prior(prior.lens, lens))
+    elif lens.verdict == "checked" or not prior.free:
+        prior = Prior(lens.prior)
+    together = photographs if options.calibrated_together is None else options.calibrated_together
+    if together and "lens_covariance" not in rig.evidence and not prior.free:
+        distance = working_distance(best.fit, best.points, float(np.linalg.norm(pose.t)))
+        follows = None if distance is None else pose_with_lenses(rig, distance, tight)
+        prior = replace(prior, kept=lens.kept, together=follows)
     nobody = np.empty((len(rays), 0), dtype=np.int64)
     whole = _measured(rig, captures, rays, homographies, nobody, options.flatness_sigma)
     answer = posterior_at(whole, start, prior)
@@ -166,6 +179,8 @@ def judge(rig: Rig, captures: Sequence[Correspondences], options: RecalibrateOpt
     answer = posterior_at(whole, start, prior) if others else answer
     if np.count_nonzero(answer.fit.explained) < options.min_points:  # no more of them agree than chance brings together
         share, level = float(np.mean(answer.fit.explained)), answer.fit.epipolar_noise.level
+        if share >= 1 - options.max_outliers:
+            raise Undecidable(TooFewPoints(int(np.count_nonzero(answer.fit.explained)), options.min_points))
         raise Undecidable(PointsDisagree(share, 1 - options.max_outliers, level, options.max_noise_px))
     answer = improved(answer, 1)  # enough to see how planes are bowed
     scale = measured_scale(answer.parameters.bows.ravel(), answer.bow_information)
@@ -183,18 +198,20 @@ def judge(rig: Rig, captures: Sequence[Correspondences], options: RecalibrateOpt
     return Judgement(rays, whole, answer, best, rivals, lens, outside, part, differing, exchanged)
 
 
-def _apart(posteriors: list[Posterior], best: Posterior, part: Part | None, measured: Measured) -> list[Posterior]:
+def _apart(
+    posteriors: list[Posterior], best: Posterior, part: Part | None, measured: Measured, *, alone: bool
+) -> list[Posterior]:
     """Each hypothesis fitted again without the parts that it does not explain, though they have an explanation.
 
-    And each plane by itself where the best, or one that is right in part, is louder than one of them alone: it may
-    explain what does not belong together.
+    And each plane of a capture that is `alone` by itself where the best, or one that is right in part, is louder than
+    one of them: it may explain what does not belong together. Captures are one as loud, one as quiet.
     """
     points = measured.support.points
     starts = [(fit.parameters, parts_apart(fit, part, measured.homography_residuals)) for fit in posteriors]
     quiet = LOUD * min(plane_levels(measured), default=np.inf)
     levels = [(fit.fit.epipolar_noise.level, fit.fit.along_noise.level) for fit in posteriors]
     partly = any(min(both) < quiet <= max(both) for both in levels)
-    if partly or not max(best.fit.epipolar_noise.level, best.fit.along_noise.level) < quiet:
+    if alone and (partly or not max(best.fit.epipolar_noise.level, best.fit.along_noise.level) < quiet):
         homographies = [best.pose.R + best.pose.t[:, None] * n for n in best.pose.planes]
         for plane, twin in twins_of_planes(points, homographies):
             elsewhere = points.plane_index != plane
@@ -205,7 +222,8 @@ def _apart(posteriors: list[Posterior], best: Posterior, part: Part | None, meas
             apart = measured
             for other in others:
                 apart = set_aside(apart, other)
-            if apart.aside is not None and np.count_nonzero(~apart.aside) < len(points) * LEAST_LEFT:
+            left = LEAST_LEFT if alone else MOST  # several captures of a rig share its pose, and so do most points
+            if apart.aside is not None and np.count_nonzero(~apart.aside) < len(points) * left:
                 continue  # what is left of it any pose explains
             try:
                 found.append(fit_posterior(apart, start, best.prior, 6))
@@ -250,9 +268,15 @@ def objection(
         return RivalUnbeaten(rival.name, rival.margin, *apart.tolist())
     if sigma is None or distance is None or sigma.displacement is None:
         return PoseUndetermined("pose: the points have no depth; show more of the scene")
+    if not np.isfinite(sigma.displacement):
+        return PoseUndetermined("pose: seen from it, the pictures share no points at the working distance; show more")
     error = sigma.displacement / distance
-    if not error <= options.max_error:
-        return Imprecise(sigma.rotation_deg, sigma.translation_deg, error, options.max_error)
+    rig, pose = judgement.measured.rig, judgement.answer.pose
+    length = float(np.linalg.norm(rig.projector_from_camera.t))
+    found = replace(rig, projector_from_camera=RigidTransform(pose.R, pose.t * length))
+    allowed = max(options.max_error, pixel_displacement(found, distance) / distance)
+    if not error <= allowed:
+        return Imprecise(sigma.rotation_deg, sigma.translation_deg, error, allowed)
     return None
 
 

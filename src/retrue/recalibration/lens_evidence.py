@@ -37,6 +37,8 @@ class LensEvidence:
     verdict : "checked": they hold; "unchecked": the points do not tell; "changed": they do not hold.
     change, sigma : (8,) log focal length, principal point (px), k1 of camera and projector, the lenses being free.
     gain : of chi-square, lenses being free.
+    prior : what is believed of the rig's own lenses.
+    kept : (8, 8) second moment of what the rig's own lenses are off by, given what the points say.
     posterior : with free lenses, where one was fitted.
     """
 
@@ -44,6 +46,8 @@ class LensEvidence:
     change: FloatArray
     sigma: FloatArray
     gain: float
+    prior: LensPrior
+    kept: FloatArray
     posterior: Posterior | None = None
     others: tuple[Posterior, ...] = ()
 
@@ -87,11 +91,14 @@ def lens_evidence(
         )
         change, covariance = posterior.parameters.lens, posterior.lens_covariance
     sigma = np.sqrt(np.diag(covariance))
-    known = bool((sigma[FOCAL] <= KNOWN_FOCAL).all())
+    determined = bool((sigma[FOCAL] <= KNOWN_FOCAL).all())
     # The change itself must be as clear as what it gains: another fit, of whatever kind, is no proof of a lens.
     clear = float(change @ np.linalg.solve(covariance + tight.covariance, change))
-    verdict = "changed" if min(gain, clear) > CHANGED_GAIN else "checked" if known else "unchecked"
-    return LensEvidence(verdict, change, sigma, gain, posterior, others)
+    verdict = "changed" if min(gain, clear) > CHANGED_GAIN else "checked" if determined else "unchecked"
+    prior = _effective_prior(tight, sigma) if verdict == "checked" else tight
+    left = _with_prior(told, prior)
+    asked = left @ pull  # lenses that stay are off by what the points ask for, too
+    return LensEvidence(verdict, change, sigma, gain, prior, left + np.outer(asked, asked), posterior, others)
 
 
 def _believable(pull: FloatArray, told: FloatArray, wide: LensPrior) -> tuple[FloatArray, FloatArray]:
@@ -162,8 +169,8 @@ def _joint_costs(posterior: Posterior, reference: Posterior) -> FloatArray:
     return found * level**2 / np.minimum(across.variance_of_blocks, along.variance_of_blocks)
 
 
-def effective_prior(tight: LensPrior, lens: LensEvidence) -> LensPrior:
+def _effective_prior(tight: LensPrior, sigma: FloatArray) -> LensPrior:
     """Focal lengths that the points checked are not believed more closely than a third of what those tell."""
     widened = np.zeros(2 * LENS_PARAMETERS)
-    widened[FOCAL] = np.maximum((lens.sigma[FOCAL] / 3) ** 2 - np.diag(tight.covariance)[FOCAL], 0.0)
+    widened[FOCAL] = np.maximum((sigma[FOCAL] / 3) ** 2 - np.diag(tight.covariance)[FOCAL], 0.0)
     return LensPrior(tight.covariance + np.diag(widened))

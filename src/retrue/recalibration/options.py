@@ -51,7 +51,8 @@ class RecalibrateOptions:
         "refit", where they did change and the points tell by how much, take the new focal lengths. Without a word they
         are taken to hold, are checked where the points can, and the answer says which.
     max_error
-        An answer whose standard deviation moves points at the working distance by a larger share of it is refused.
+        An answer whose standard deviation moves points at the working distance by a larger share of it is refused;
+        unless a projector's (or second camera's) pixel is a larger share there, and moves them further.
     min_margin
         Log evidence (nats) by which the answer must beat every other explanation; 7 is a thousand to one.
     min_points
@@ -72,6 +73,10 @@ class RecalibrateOptions:
         How well the first distortion coefficients are known; likewise.
     flatness_sigma
         How far planes are bowed, RMS relative to their distance; likewise.
+    calibrated_together
+        Whether pose and lenses of a rig that does not say how well they are known came of one calibration, so that they
+        err together: sigma is then that of the pose that belongs to those lenses. By default that of two cameras is,
+        and of a projector is not.
     rig_sigma_rotation_deg
         How well a rig knows its own rotation, per axis, where it does not say.
     rig_sigma_translation_deg
@@ -93,6 +98,7 @@ class RecalibrateOptions:
     principal_point_sigma_px: float = ranged(1.0, 0, 1e6, above=True)
     k1_sigma: float = ranged(1e-3, 0, 1, above=True)
     flatness_sigma: float = ranged(5e-4, 0, 1, above=True)
+    calibrated_together: bool | None = None
     rig_sigma_rotation_deg: float = ranged(0.02, 0, 180, above=True)
     rig_sigma_translation_deg: float = ranged(0.05, 0, 180, above=True)
     seed: int = ranged(0, 0, 2**32 - 1)

@@ -183,11 +183,12 @@ def differing_capture(measured: Measured, rays: Rays, answer: Posterior) -> tupl
     if captures < 2:
         return None
     joint = PosePrior(answer.pose.R, answer.pose.t, np.eye(POSE_PARAMETERS))
+    prior = replace(answer.prior, kept=None, together=None)  # each follows the lenses' errors in its own way
     furthest = (0, 0.0)
     for capture in range(captures):
         part = replace(measured, aside=None).select(rays.capture == capture)  # all of them may be of another pose
         try:
-            own = fit_posterior(part, answer.parameters, answer.prior, 4)
+            own = fit_posterior(part, answer.parameters, prior, 4)
             difference = joint.difference(own.pose)
             deviations = float(np.sqrt(difference @ np.linalg.solve(own.covariance, difference)))
         except DegenerateError:  # it says nothing by itself

@@ -106,11 +106,17 @@ class Prior:
     free : whether the points may move the lenses. Else those stay as they are, and widen the covariance: what a real
         lens leaves over is larger than the noise of many points, and would be taken for a change.
     pose : of the pose, where an old one is asked about.
+    kept : (8, 8) second moment of what lenses that stay are off by, given what the points say of them; None: as the
+        prior has it.
+    together : (5, 8) how the pose that a calibration found goes with errors of the lenses that it found; None where
+        these errors have nothing to do with each other.
     """
 
     lens: LensPrior
     free: bool = False
     pose: PosePrior | None = None
+    kept: FloatArray | None = None
+    together: FloatArray | None = None
 
     def cost(self, parameters: Parameters) -> float:
         """Squared Mahalanobis length of the parameters in it."""
@@ -168,32 +174,45 @@ class Posterior:
     def covariance(self) -> FloatArray:
         """(5, 5) of the pose, see `pose_covariance`: all else is free within its prior.
 
-        Lenses that are not free move the pose by S = -A^-1 B a change, A and B the information of all else and its
-        part with the lenses: the covariance is A^-1 + S P S^T (Schmidt's consider covariance).
+        Lenses that are not free move the pose by S a change, see `follows`: the covariance is A^-1 + S P S^T (Schmidt's
+        consider covariance). Of the pose that a calibration would have found together with its lenses, it is
+        A^-1 + (S - C) P (S - C)^T, with C the prior's `together`.
         """
         if self.prior.free:
             return _inverse(self.information)[:POSE_PARAMETERS, :POSE_PARAMETERS] * COVARIANCE_FACTOR
+        together = 0.0 if self.prior.together is None else self.prior.together
+        apart = self.follows - together
+        return self.statistical_covariance + apart @ self._kept @ apart.T
+
+    @cached_property
+    def follows(self) -> FloatArray:
+        """(5, 8) by how much the pose follows each parameter of lenses that are not free: S = -A^-1 B.
+
+        A and B are the information of all else and its part with the lenses.
+        """
         own, lens = self._parts
         inverse = _inverse(self.information[np.ix_(own, own)])[:POSE_PARAMETERS]
-        follows = inverse @ self.information[np.ix_(own, lens)]
-        return inverse[:, :POSE_PARAMETERS] * COVARIANCE_FACTOR + follows @ self.prior.lens.covariance @ follows.T
+        return -inverse @ self.information[np.ix_(own, lens)]
+
+    @property
+    def _kept(self) -> FloatArray:
+        return self.prior.lens.covariance if self.prior.kept is None else self.prior.kept
 
     @property
     def joint_covariance(self) -> FloatArray:
         """(13, 13) of the pose and both lenses: lenses that are not free move the pose with them, see `covariance`."""
         size = POSE_PARAMETERS + LENSES
         joint = np.empty((size, size))
-        own, lens = self._parts
         if self.prior.free:
-            pose_and_lenses = np.concatenate([np.arange(POSE_PARAMETERS), lens])
+            pose_and_lenses = np.concatenate([np.arange(POSE_PARAMETERS), self._parts[1]])
             joint[:] = _inverse(self.information)[np.ix_(pose_and_lenses, pose_and_lenses)]
-        else:
-            cross = self.information[np.ix_(own, lens)]
-            follows = _inverse(self.information[np.ix_(own, own)])[:POSE_PARAMETERS] @ cross
-            joint[POSE_PARAMETERS:, POSE_PARAMETERS:] = self.prior.lens.covariance
-            joint[:POSE_PARAMETERS, POSE_PARAMETERS:] = -follows @ self.prior.lens.covariance
-            joint[POSE_PARAMETERS:, :POSE_PARAMETERS] = joint[:POSE_PARAMETERS, POSE_PARAMETERS:].T
-        joint[:POSE_PARAMETERS, :POSE_PARAMETERS] = self.covariance
+            joint[:POSE_PARAMETERS, :POSE_PARAMETERS] = self.covariance
+            return joint
+        cross = self.follows @ self._kept
+        joint[:POSE_PARAMETERS, :POSE_PARAMETERS] = self.statistical_covariance + cross @ self.follows.T
+        joint[:POSE_PARAMETERS, POSE_PARAMETERS:] = cross
+        joint[POSE_PARAMETERS:, :POSE_PARAMETERS] = cross.T
+        joint[POSE_PARAMETERS:, POSE_PARAMETERS:] = self._kept
         return joint
 
     @cached_property

@@ -243,6 +243,8 @@ class Verification(ByValue, ShortRepr, HasReport):
     supported_pose : projector_from_camera that the capture itself supports, with the rig's |t|; None as `drift`.
     band : the verdict for people: a rig that drifted is "improvable" or one to "recalibrate".
     drift_sigmas : Mahalanobis length of that drift in the sigma of the capture (chi with 5 degrees of freedom).
+    covariance, statistical_covariance : (5, 5) of the supported pose, as in a recalibration's evidence; the second is
+        without what the lenses leave open, which all captures of a scene share.
     """
 
     verdict: Literal["good", "drifted", "unknown"]
@@ -256,6 +258,8 @@ class Verification(ByValue, ShortRepr, HasReport):
     cause: Reason | None = None
     supported_pose: RigidTransform | None = None
     band: Band = "cannot tell"
+    covariance: FloatArray | None = None
+    statistical_covariance: FloatArray | None = None
 
     @property
     def forbids_measuring(self) -> bool:

@@ -187,14 +187,16 @@ def ranked(
 
     `part` has another pose, whichever hypothesis is right.
     """
-    best, asked = least(posteriors, measured), 0
+    best, beaten = least(posteriors, measured), list[tuple[float, Posterior, tuple[Rival, ...]]]()
     while True:
         rivals = _rivals(best, posteriors, measured, few, light, old, part, rng)
         strongest = min(rivals, key=lambda rival: rival.margin, default=None)
-        asked += 1
-        if strongest is None or not strongest.margin < 0 or asked > len(posteriors):
+        if strongest is None or not strongest.margin < 0:
             return best, rivals
+        beaten.append((strongest.margin, best, rivals))
         best = strongest.posterior
+        if any(best is one for _, one, _ in beaten):  # each beats another in turn: the one that is beaten by least
+            return max(beaten, key=lambda one: one[0])[1:]
 
 
 def _rivals(

@@ -96,6 +96,8 @@ def _verified(rig: Rig, judgement: Judgement, total: int, options: VerifyOptions
             cause=says if isinstance(says, Reason) else None,
             supported_pose=supported,
             band=band or BANDS[word],
+            covariance=answer.covariance,
+            statistical_covariance=answer.statistical_covariance,
         )
 
     moved = (found.rotation_deg, found.translation_deg, found.displacement, depth, rig.unit)

@@ -12,8 +12,9 @@ from typing import Any
 import numpy as np
 
 from retrue.correspondences import Correspondences
-from retrue.errors import FileError
+from retrue.errors import FileError, InputError
 from retrue.files.kept_points import keep_points, read_kept_points
+from retrue.geometry.arrays import finite_array
 from retrue.plain_json import plain
 from retrue.recalibration.creep import Creep, after_frame, jump
 from retrue.recalibration.result import Verification
@@ -60,7 +61,7 @@ class Memory:
         sigma = float("inf") if found.sigma is None else found.sigma.rotation_deg + found.sigma.translation_deg
         kept = Kept(frame.name, frame.capture, points, sigma)
         if found.verdict == "drifted" and not self.streak.drifted:
-            self.jumped = self.creep is None or jump(self.creep, pose, found) > limits.creep.creep_sigmas
+            self.jumped = self.creep is None or jump(self.creep, pose, found, limits.creep) > limits.creep.creep_sigmas
         self.creep = after_frame(self.creep, pose, found, limits.creep)
         if found.verdict != "unknown":
             self.recent = [*self.recent, kept][-limits.remembered_frames :]
@@ -98,7 +99,7 @@ class Memory:
             drifted = tuple(Drifted(number, frame.uncertainty_deg) for number, frame in kept.items())
             self.streak = Streak(drifted, int(streak["untried"]), int(streak["unknown"]))
             self.creep, self.kept, self.jumped = _creep(creep), kept, bool(document["jumped"])
-        except (AttributeError, IndexError, KeyError, TypeError, ValueError, OverflowError) as error:
+        except (AttributeError, IndexError, KeyError, TypeError, ValueError, OverflowError, InputError) as error:
             self.forget()
             problem = error.problem if isinstance(error, FileError) else f"{type(error).__name__}: {error}"
             raise FileError(self.folder, f"what was known of earlier frames does not read: {problem}") from error
@@ -138,16 +139,14 @@ def _creep(document: Mapping[str, Any] | None) -> Creep | None:
     """Of plain values; lists are arrays, of as many numbers as the filter has."""
     if document is None:
         return None
-    sizes = {"last": 6, "frame_sigma": 2, "offset": 6, "sigma": 2, "scatter": 2, "baseline": 6, "baseline_sigma": 2}
-    values: dict[str, Any] = {name: _numbers(document[name], size) for name, size in sizes.items()}
-    values.update({name: int(document[name]) for name in ("frames", "jumped", "rested")})
+    shapes = {"state": (10,), "covariance": (10, 10), "frame": (5, 5), "baseline": (5,), "baseline_covariance": (5, 5)}
+    values: dict[str, Any] = {name: _numbers(document[name], shape) for name, shape in shapes.items()}
+    for name in ("jumps", "recent"):
+        values[name] = _numbers(document[name], (None, 5))
+    values["scatter"] = float(document["scatter"])
+    values.update({name: int(document[name]) for name in ("frames", "rested", "bumps")})
     return Creep(**values)
 
 
-def _numbers(values: Any, size: int) -> Any:
-    if values is None:
-        return None
-    array = np.array(values, dtype=np.float64)
-    if array.shape != (size,) or not np.isfinite(array).all():
-        raise ValueError(f"expected {size} finite numbers")
-    return array
+def _numbers(values: Any, shape: tuple[int | None, ...]) -> Any:
+    return None if values is None else finite_array(values, shape, "filter")

@@ -11,7 +11,7 @@ from retrue.correspondences import Card, Correspondences
 from retrue.decoding.photographs.alignment import Aligned, align
 from retrue.decoding.photographs.features import match_sift
 from retrue.decoding.pictures import coverage
-from retrue.errors import InputError
+from retrue.errors import CaptureError, InputError
 from retrue.geometry.arrays import BoolArray, FloatArray, Image, IntArray
 from retrue.patterns.photographs import Matches, Photographs
 
@@ -41,8 +41,11 @@ def match_photographs(asked: Photographs, left: Image, right: Image) -> Correspo
     Raises
     ------
     InputError : what is no picture.
+    CaptureError : the same photograph twice.
     """
     pictures = [_checked(image, name) for image, name in ((left, "left"), (right, "right"))]
+    if np.array_equal(pictures[0], pictures[1]) and pictures[0].min() < pictures[0].max():
+        raise CaptureError("photographs", "expected one of each camera, found the same twice")
     grey = [grey_levels(picture) for picture in pictures]
     sharp = [np.clip(np.rint(level), 0, 255).astype(np.uint8) for level in grey]
     if asked.matcher is None:
