@@ -14,8 +14,17 @@ from retrue.geometry.robust import MAD_TO_SIGMA, quantile
 from retrue.geometry.robust_homography import HYPOTHESES, MOST_HYPOTHESES, largest_plane, local_noise
 from retrue.geometry.two_view import FREE, POSE_PARAMETERS, TwoViewPoints, TwoViewPose, behind, planes_of_pose
 from retrue.recalibration.fit import PoseFit, Support, gather, refine, same_pose
+from retrue.recalibration.measured import MISFIT_PX
 from retrue.recalibration.options import RecalibrateOptions
-from retrue.recalibration.posterior import PosePrior, Posterior, fit_posterior
+from retrue.recalibration.posterior import (
+    Parameters,
+    PosePrior,
+    Posterior,
+    Prior,
+    fit_posterior,
+    improved,
+    posterior_at,
+)
 from retrue.recalibration.rays import Rays
 from retrue.recalibration.reasons import PointsNotSpread, TooFewPoints, Undecidable
 
@@ -26,7 +35,6 @@ MOST_BOW = 3.5  # of the usual bow of a wall
 MOST_SCATTER, SCATTER_PX = 4.0, 1.0  # along the epipolar line, of the noise across it, and at least
 FEWEST_ELSEWHERE = 12  # points off a plane, below which it is all that tells the pose
 MISLED = 20.5  # of chi-square with five degrees of freedom: once in a thousand by chance
-MUCH_QUIETER = 2.0
 SCORED_POINTS = 500
 FEWEST_FREE = 30  # points off all planes, below which five points tell nothing that planes do not
 
@@ -218,23 +226,42 @@ def misleading_plane(posterior: Posterior) -> BoolArray:
     return (deviations > MISLED) & (deviations == deviations.max(initial=0.0))
 
 
-def quieter_without_planes(posterior: Posterior, noise: float, rng: np.random.Generator) -> list[PoseFit]:
-    """Poses that leave much less across the epipolar lines if no point is on a plane; none where there is no need.
+def better_without_planes(posterior: Posterior, noise: float, rng: np.random.Generator) -> list[Posterior]:
+    """Poses that the points tell if none is on a plane, where that contradicts the planes; else none.
 
-    A ball or a pipe passes for one bowed plane, from a pose that fits it worse than neighbours fit each other.
+    A ball, a pipe or a hill passes for a few bowed planes, from a pose far off. It is the test of `misleading_plane`
+    for all planes together: what a real lens leaves over, which a pose without planes is free to follow, is noise.
     """
-    points, level = posterior.points, posterior.fit.epipolar_noise.level
-    nominal = float(np.median(np.hypot(points.camera_sigma, points.projector_sigma)))
-    if not len(posterior.pose.planes) or not level * nominal > noise:
+    if not len(posterior.pose.planes):
         return []
-    free = replace(points, plane_index=np.full(len(points), FREE))
-    blocks = np.stack([posterior.measured.support.blocks[0], np.full(len(points), -1)])
-    starts = _of_five_points(free, np.arange(len(points)), [], noise, rng)
-    try:
-        fits = refined_poses(starts, Support(free, blocks), rng)
-    except DegenerateError:
-        return []
-    return [fit for fit in fits if fit.epipolar_noise.level * MUCH_QUIETER < level]
+    posterior = posterior.eased
+    pose, points = posterior.pose, posterior.points
+    none = np.ones(len(pose.planes), dtype=np.bool_)
+    measured = replace(posterior.measured.without_planes(none), misfit=MISFIT_PX)
+    starts = [replace(pose, planes=np.empty((0, 3)))]
+    starts += _of_five_points(measured.support.points, np.arange(len(points)), [], noise, rng)
+    found: list[Posterior] = []
+    for start in starts:
+        try:
+            near = refine(start, measured.support, iterations=4)
+            alone = posterior_at(measured, Parameters.of(near.pose), Prior(posterior.prior.lens))
+            if not quieter(alone, posterior):
+                continue
+            alone = improved(alone, 10)
+            difference = PosePrior(pose.R, pose.t, np.eye(POSE_PARAMETERS)).difference(alone.pose)
+            deviations = float(difference @ np.linalg.solve(alone.covariance, difference))
+        except DegenerateError:
+            continue
+        if deviations > MISLED and quieter(alone, posterior):
+            found.append(alone)
+    return found
+
+
+def quieter(alone: Posterior, posterior: Posterior) -> bool:
+    """Whether noise across the epipolar lines is less by more than a pose makes it that is free to follow errors."""
+    noise, explained = alone.fit.epipolar_noise, alone.fit.explained
+    worth = float((noise.level**2 / noise.variance[explained]).sum())
+    return 2 * worth * float(np.log(posterior.fit.epipolar_noise.level / noise.level)) > MISLED
 
 
 def twins_of(pose: TwoViewPose, points: TwoViewPoints) -> list[TwoViewPose]:
