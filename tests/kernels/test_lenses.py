@@ -16,15 +16,17 @@ def test_rays_of_changed_lenses_and_how_they_turn(coefficients: int) -> None:
     device = Camera((1280, 960), [[1500, 2, 640], [0, 1490, 480], [0, 0, 1]], LENS[:coefficients])
     change = np.array([0.03, 4.0, -3.0, 0.02])
     pixels = np.random.default_rng(0).uniform([0, 0], [1280, 960], (30, 2))
-    found = []
+    both, found = (*lens_numbers(device, change), *lens_numbers(device, np.zeros(4))), []
     for kernel in (lenses, plain("lenses")):
-        rays, turns = device.unproject(pixels), np.zeros((30, 2, 4))
-        kernel.move_rays(*lens_numbers(device, change), pixels, rays)
+        rays, turns, sigma = device.unproject(pixels), np.zeros((30, 2, 4)), np.ones(30)
+        kernel.move_rays(*both, pixels, rays, sigma)
         kernel.turns_of_rays(*lens_numbers(device, change), rays, turns)
-        found.append((rays, turns))
-    np.testing.assert_array_equal(found[0][0], found[1][0])
-    np.testing.assert_array_equal(found[0][1], found[1][1])
-    rays, turns = found[0]
+        found.append((rays, turns, sigma))
+    for compiled, uncompiled in zip(*found, strict=True):
+        np.testing.assert_array_equal(compiled, uncompiled)
+    rays, turns, sigma = found[0]
+    before = np.linalg.det(device.ray_jacobian(device.unproject(pixels)))
+    np.testing.assert_allclose(sigma**2, before / np.linalg.det(changed_device(device, change).ray_jacobian(rays)))
     np.testing.assert_allclose(rays, changed_device(device, change).unproject(pixels), atol=1e-13)
     for k, step in enumerate(np.diag([1e-5, 1e-2, 1e-2, 1e-5])):
         ahead, back = (changed_device(device, change + sign * step).unproject(pixels) for sign in (1, -1))
@@ -34,5 +36,5 @@ def test_rays_of_changed_lenses_and_how_they_turn(coefficients: int) -> None:
 def test_a_pixel_that_no_ray_maps_to_goes_far() -> None:
     device = Camera((100, 100), [[100, 0, 50], [0, 100, 50], [0, 0, 1]], [-1.0, 0, 0, 0, 0])
     rays = np.zeros((1, 2))
-    lenses.move_rays(*lens_numbers(device, np.zeros(4)), np.array([[150.0, 50.0]]), rays)
+    lenses.move_rays(*2 * lens_numbers(device, np.zeros(4)), np.array([[150.0, 50.0]]), rays, np.ones(1))
     np.testing.assert_array_equal(rays, [[1e3, 1e3]])

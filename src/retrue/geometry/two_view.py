@@ -9,7 +9,7 @@ where the full bundle adjustment does.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -58,6 +58,11 @@ class TwoViewPoints:
     def select(self, rows: IntArray | slice | np.ndarray) -> TwoViewPoints:
         """The same, with only those rows."""
         return TwoViewPoints(*(getattr(self, name)[rows] for name in self.__dataclass_fields__))
+
+    def without_planes(self, gone: BoolArray) -> TwoViewPoints:
+        """The same where the points of those planes (P,) lie on none, and the others are numbered anew."""
+        number = np.append(np.where(gone, FREE, np.cumsum(~gone) - 1), FREE)  # the last is that of FREE
+        return replace(self, plane_index=number[self.plane_index])
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import cython
-from cython.cimports.libc.math import fabs
+from cython.cimports.libc.math import fabs, sqrt
 
 SETTLED = cython.declare(cython.double, 1e-14)
 NEAR = cython.declare(cython.double, 1e-7)
 FAR = cython.declare(cython.double, 1e3)  # a ray that the lens model cannot reach
 STEPS = cython.declare(cython.Py_ssize_t, 20)
+SMALLEST = cython.declare(cython.double, 1e-12)  # determinant, px^2
 
 Distorted = cython.struct(
     x=cython.double,
@@ -50,18 +51,25 @@ def _distort(lens: cython.const[cython.double][::1], x: cython.double, y: cython
 def move_rays(
     K: cython.const[cython.double][:, ::1],
     lens: cython.const[cython.double][::1],
+    own_K: cython.const[cython.double][:, ::1],
+    own_lens: cython.const[cython.double][::1],
     pixels: cython.const[cython.double][:, ::1],
     rays: cython.double[:, ::1],
+    sigma: cython.double[::1],
 ) -> None:
-    """`rays` (N, 2) <- those of the pixels, from where they are near: Newton's method.
+    """`rays` (N, 2), those of the pixels through the device's own lens, <- through another: Newton's method.
 
-    `lens` (12,) distorts, `K` is (3, 3).
+    `lens` (12,) distorts, `K` is (3, 3). `sigma` (N,) of each ray is one of pixels: it shrinks where the other lens
+    magnifies more.
     """
     cython.declare(k=cython.Py_ssize_t)
     with cython.nogil:
         fx, skew, fy = K[0, 0], K[0, 1], K[1, 1]
+        own_scale, scale = own_K[0, 0] * own_K[1, 1], fx * fy
         for k in range(pixels.shape[0]):
             x, y = rays[k, 0], rays[k, 1]
+            seen = _distort(own_lens, x, y)
+            before = max(own_scale * (seen.a * seen.d - seen.b * seen.c), SMALLEST)
             seen = _distort(lens, x, y)
             at_y = (pixels[k, 1] - K[1, 2]) / fy
             at_x = (pixels[k, 0] - K[0, 2] - skew * at_y) / fx
@@ -80,6 +88,7 @@ def move_rays(
             if not (error < NEAR and determinant > 0 and seen.a > 0 and seen.d > 0):
                 x, y = FAR, FAR
             rays[k, 0], rays[k, 1] = x, y
+            sigma[k] *= sqrt(before / max(scale * determinant, SMALLEST))
 
 
 def turns_of_rays(

@@ -22,8 +22,17 @@ from retrue.geometry.two_view import (
     planes_of_pose,
 )
 from retrue.recalibration.fit import PoseFit, Support, gather, refine, same_pose
+from retrue.recalibration.measured import MISFIT_PX
 from retrue.recalibration.options import RecalibrateOptions
-from retrue.recalibration.posterior import PosePrior, Posterior, fit_posterior
+from retrue.recalibration.posterior import (
+    Parameters,
+    PosePrior,
+    Posterior,
+    Prior,
+    fit_posterior,
+    improved,
+    posterior_at,
+)
 from retrue.recalibration.rays import Rays
 from retrue.recalibration.reasons import PointsNotSpread, TooFewPoints, Undecidable
 from retrue.recalibration.result import sigma_at, working_distance
@@ -35,7 +44,7 @@ MOST_BOW = 3.5  # of the usual bow of a wall
 MOST_SCATTER, SCATTER_PX = 4.0, 1.0  # along the epipolar line, of the noise across it, and at least
 FEWEST_ELSEWHERE = 12  # points off a plane, below which it is all that tells the pose
 MISLED = 20.5  # of chi-square with five degrees of freedom: once in a thousand by chance
-MUCH_QUIETER = 2.0
+MUCH_LOUDER = 2.0
 CLOSE = 2e-3  # of the distance: a drift so small is called improvable
 WORTH_A_PLANE = 1.2  # of the variance of the pose in some direction, without planes: a tenth of sigma
 SCORED_POINTS = 500
@@ -273,41 +282,53 @@ def _of_difference(posterior: Posterior, alone: Posterior, lenses: FloatArray) -
     return alone.statistical_covariance + apart @ lenses @ apart.T
 
 
-def better_without_planes(posterior: Posterior, noise: float, rng: np.random.Generator) -> list[PoseFit]:
-    """Poses that explain more, or leave much less across the epipolar lines, if no point is on a plane.
+def better_without_planes(posterior: Posterior, noise: float, rng: np.random.Generator) -> list[Posterior]:
+    """Poses that the points tell if none is on a plane, where that contradicts the planes; else none.
 
-    A ball or a pipe passes for one bowed plane, from a pose that fits it worse than neighbours fit each other. A curled
-    sheet passes for a plane from a pose that fits the sheet alone, while all points have one pose without it; those set
-    aside have their explanation. None where there is no need.
+    A ball, a pipe or a hill passes for a few bowed planes, from a pose far off. It is the test of `misleading_plane`
+    for all planes together: what a real lens leaves over, which a pose without planes is free to follow, is noise. A
+    curled sheet passes for a plane from a pose that fits the sheet alone, while more points have one without it.
     """
-    points, level = posterior.points, posterior.fit.epipolar_noise.level
-    nominal = float(np.median(np.hypot(points.camera_sigma, points.projector_sigma)))
-    asked = np.ones(len(points), dtype=np.bool_) if posterior.measured.aside is None else ~posterior.measured.aside
-    missed = asked & (points.plane_index == FREE) & ~posterior.fit.explained
     if not len(posterior.pose.planes):
         return []
-    if not (level * nominal > noise or np.count_nonzero(missed) >= FEWEST_FREE):
-        return []
-    free = replace(points, plane_index=np.full(len(points), FREE))
-    blocks = np.stack([posterior.measured.support.blocks[0], np.full(len(points), -1)])
-    starts = _of_five_points(free, np.arange(len(points)), [], noise, rng)
-    try:
-        fits = refined_poses(starts, Support(free, blocks), rng)
-    except DegenerateError:
-        return []
-    explained = int(np.count_nonzero(asked & (np.abs(epipolar_residuals(posterior.pose, free)) < CUTOFF * level)))
+    posterior = posterior.eased
+    pose, points = posterior.pose, posterior.points
+    none = np.ones(len(pose.planes), dtype=np.bool_)
+    measured = replace(posterior.measured.without_planes(none), misfit=MISFIT_PX)
+    starts = [replace(pose, planes=np.empty((0, 3)))]
+    starts += _of_five_points(measured.support.points, np.arange(len(points)), [], noise, rng)
+    found: list[Posterior] = []
+    for start in starts:
+        try:
+            near = refine(start, measured.support, iterations=4)
+            alone = posterior_at(measured, Parameters.of(near.pose), Prior(posterior.prior.lens))
+            if not (quieter(alone, posterior) or _explains_more(alone, posterior)):
+                continue
+            alone = improved(alone, 10)
+            difference = PosePrior(pose.R, pose.t, np.eye(POSE_PARAMETERS)).difference(alone.pose)
+            deviations = float(difference @ np.linalg.solve(alone.covariance, difference))
+        except DegenerateError:
+            continue
+        if deviations > MISLED and (quieter(alone, posterior) or _explains_more(alone, posterior)):
+            found.append(alone)
+    return found
 
-    def better(fit: PoseFit) -> bool:
-        loudness = fit.epipolar_noise.level / level
-        own = int(np.count_nonzero(asked & fit.explained))
-        more = own >= max(explained + FEWEST_ELSEWHERE, MOST * len(points)) and loudness < MUCH_QUIETER
-        return loudness * MUCH_QUIETER < 1 or (more and elsewhere(fit) > MISLED)
 
-    def elsewhere(fit: PoseFit) -> float:  # a bare wall leaves a pose of its points so open that it explains anything
-        difference = PosePrior(fit.pose.R, fit.pose.t, np.eye(POSE_PARAMETERS)).difference(posterior.pose)
-        return float(difference @ np.linalg.solve(fit.covariance, difference))
+def _explains_more(alone: Posterior, posterior: Posterior) -> bool:
+    """Whether more points share the pose without planes, most of them, hardly louder."""
+    level = posterior.fit.epipolar_noise.level
+    near = np.abs(epipolar_residuals(posterior.pose, alone.points)) < CUTOFF * level
+    aside = posterior.measured.aside
+    explained = int(np.count_nonzero(near if aside is None else near & ~aside))
+    enough = max(explained + FEWEST_ELSEWHERE, MOST * len(near))
+    return int(np.count_nonzero(alone.fit.explained)) >= enough and alone.fit.epipolar_noise.level < MUCH_LOUDER * level
 
-    return [fit for fit in fits if better(fit)]
+
+def quieter(alone: Posterior, posterior: Posterior) -> bool:
+    """Whether noise across the epipolar lines is less by more than a pose makes it that is free to follow errors."""
+    noise, explained = alone.fit.epipolar_noise, alone.fit.explained
+    worth = float((noise.level**2 / noise.variance[explained]).sum())
+    return 2 * worth * float(np.log(posterior.fit.epipolar_noise.level / noise.level)) > MISLED
 
 
 def twins_of(pose: TwoViewPose, points: TwoViewPoints) -> list[TwoViewPose]:

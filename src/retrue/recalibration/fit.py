@@ -88,6 +88,11 @@ class PoseFit:
         return pose_covariance(self._equations[0]) * COVARIANCE_FACTOR
 
     @property
+    def noises(self) -> tuple[Noise, Noise]:
+        """Of both families."""
+        return self.epipolar_noise, self.along_noise
+
+    @property
     def explained(self) -> BoolArray:
         """(N,) points that agree with the epipolar geometry of this pose."""
         return self.robust_weights[0] > 0

@@ -23,6 +23,7 @@ from retrue.recalibration.candidates import (
     match_noise,
     misleading_plane,
     needless_planes,
+    quieter,
     refined_poses,
     starting_poses,
     twins_of_planes,
@@ -30,7 +31,7 @@ from retrue.recalibration.candidates import (
 )
 from retrue.recalibration.fit import PoseFit, Support
 from retrue.recalibration.lens import LENS_NAMES, LENS_PARAMETERS, stated_prior, wide_prior
-from retrue.recalibration.lens_evidence import LensEvidence, lens_evidence
+from retrue.recalibration.lens_evidence import CHANGED_GAIN, LensEvidence, lens_evidence
 from retrue.recalibration.options import RecalibrateOptions
 from retrue.recalibration.parts import (
     LOUD,
@@ -68,7 +69,7 @@ from retrue.recalibration.reasons import (
     Undecidable,
 )
 from retrue.recalibration.result import Evidence, PoseSigma, sigma_at, working_distance
-from retrue.recalibration.rivals import Rival, light_of, move_deg, nearest_points, plane_levels, ranked
+from retrue.recalibration.rivals import Rival, light_of, move_deg, nearest_points, plane_levels, ranked, same_answer
 from retrue.recalibration.swapped import move_if_exchanged
 from retrue.recalibration.together import pose_with_lenses
 from retrue.rig import Rig
@@ -151,14 +152,18 @@ def judge(rig: Rig, captures: Sequence[Correspondences], options: RecalibrateOpt
             curved = misleading_plane(best, lens.kept)
         if photographs and not curved.any():
             curved = needless_planes(best, lens.kept)
-        better = [] if curved.any() else better_without_planes(best, noise, rng)
-        curved |= bool(better)
-        if lens.verdict == "changed" or not curved.any():  # through a changed lens no plane looks flat
+        free = [] if curved.any() else better_without_planes(best, noise, rng)
+        free = [fit for fit in free if not any(same_answer(other, fit.pose) for other in posteriors)]
+        if lens.verdict == "changed":  # no plane looks flat through it, but curved scenes do not ask for it
+            free = [fit for fit in free if lens.posterior is not None and quieter(fit, lens.posterior)]
+            curved[:] = False
+        curved |= bool(free)
+        if not curved.any():
             break
         rays, few = rays.without_planes(curved), few.without_planes(curved)
         homographies = [H for H, gone in zip(homographies, curved, strict=True) if not gone]
         starts = [fit.parameters.without_planes(curved) for fit in posteriors]
-        starts += [Parameters.of(fit.pose) for fit in better]
+        starts += [Parameters.of(fit.pose) for fit in free]
     start = best.parameters
     if lens.verdict == "changed" and options.lens == "refit" and lens.posterior is not None:
         best, rivals = ranked([lens.posterior, *lens.others], measured, few, light, old, part, rng)
@@ -209,9 +214,9 @@ def _apart(
     points = measured.support.points
     starts = [(fit.parameters, parts_apart(fit, part, measured.homography_residuals)) for fit in posteriors]
     quiet = LOUD * min(plane_levels(measured), default=np.inf)
-    levels = [(fit.fit.epipolar_noise.level, fit.fit.along_noise.level) for fit in posteriors]
+    levels = [[noise.level for noise in fit.eased.fit.noises] for fit in posteriors]
     partly = any(min(both) < quiet <= max(both) for both in levels)
-    if alone and (partly or not max(best.fit.epipolar_noise.level, best.fit.along_noise.level) < quiet):
+    if alone and (partly or not max(noise.level for noise in best.eased.fit.noises) < quiet):
         homographies = [best.pose.R + best.pose.t[:, None] * n for n in best.pose.planes]
         for plane, twin in twins_of_planes(points, homographies):
             elsewhere = points.plane_index != plane
@@ -253,6 +258,10 @@ def objection(
             float(lens.sigma[clearest]),
             lens.gain,
         )
+    changed = lens.posterior  # no one parameter may say so clearly, or a curved scene as well; it is no answer then
+    doubted = lens.doubt > CHANGED_GAIN and lens.verdict != "changed"
+    if doubted and changed is not None and not same_answer(judgement.answer, changed.pose):
+        return _unbeaten("a changed lens", -lens.doubt / 2, judgement.answer.pose, changed.pose)
     if not (share >= 1 - options.max_outliers and level <= options.max_noise_px):
         return PointsDisagree(share, 1 - options.max_outliers, level, options.max_noise_px)
     if judgement.differing is not None and not judgement.differing[1] <= MOST_DEVIATIONS:
@@ -263,9 +272,7 @@ def objection(
             return PartsContradict(share, other)
     rival = min(judgement.rivals, key=lambda one: one.margin, default=None)
     if rival is not None and not rival.margin >= options.min_margin:
-        pose, other = judgement.answer.pose, rival.posterior.pose
-        apart = np.degrees([rotation_angle(pose.R @ other.R.T), direction_angle(pose.t, other.t)])
-        return RivalUnbeaten(rival.name, rival.margin, *apart.tolist())
+        return _unbeaten(rival.name, rival.margin, judgement.answer.pose, rival.posterior.pose)
     if sigma is None or distance is None or sigma.displacement is None:
         return PoseUndetermined("pose: the points have no depth; show more of the scene")
     if not np.isfinite(sigma.displacement):
@@ -280,6 +287,11 @@ def objection(
     return None
 
 
+def _unbeaten(name: str, margin: float, pose: TwoViewPose, other: TwoViewPose) -> RivalUnbeaten:
+    apart = np.degrees([rotation_angle(pose.R @ other.R.T), direction_angle(pose.t, other.t)])
+    return RivalUnbeaten(name, margin, *apart.tolist())
+
+
 MOST_DEVIATIONS = 6.0
 LARGEST_OTHER_PART = 0.8
 
@@ -289,7 +301,7 @@ def drift(rig: Rig, judgement: Judgement, options: RecalibrateOptions) -> float:
 
     The nearest explanation counts, of those that the captures do not tell apart.
     """
-    own = rig_covariance(rig, options)
+    own = own_covariance(rig, options)
     pose = rig.projector_from_camera
     old = PosePrior(pose.R, pose.t / np.linalg.norm(pose.t), own)
     possible = [judgement.answer]
@@ -301,7 +313,7 @@ def drift(rig: Rig, judgement: Judgement, options: RecalibrateOptions) -> float:
     return float(np.sqrt(min(found)))
 
 
-def rig_covariance(rig: Rig, options: RecalibrateOptions) -> FloatArray:
+def own_covariance(rig: Rig, options: RecalibrateOptions) -> FloatArray:
     """(5, 5) of the rig's own pose: what its evidence states, else what the options have."""
     stated = rig.evidence.get("covariance")
     if stated is None:
@@ -320,7 +332,7 @@ def holds(rig: Rig, judgement: Judgement, evidence: Evidence, options: Recalibra
         return False
     pose = rig.projector_from_camera
     own = TwoViewPose(pose.R, pose.t / np.linalg.norm(pose.t))
-    known = sigma_at(evidence.working_distance, rig_covariance(rig, options), own, rig).displacement
+    known = sigma_at(evidence.working_distance, own_covariance(rig, options), own, rig).displacement
     return known is not None and known <= evidence.sigma.displacement and deviations <= deviations_limit(HELD)
 
 

@@ -83,17 +83,6 @@ def lens_numbers(device: Camera, change: FloatArray) -> tuple[FloatArray, FloatA
     return K, distortion
 
 
-def magnification(device: Camera, rays: FloatArray) -> FloatArray:
-    """(N,) pixels per unit of undistorted rays (N, 2), geometric mean over both axes: noise is one of pixels.
-
-    >>> magnification(Camera((640, 480), [[500, 0, 320], [0, 500, 240], [0, 0, 1]]), np.zeros((1, 2))).tolist()
-    [500.0]
-    """
-    jacobian = device.ray_jacobian(rays)
-    determinant = jacobian[:, 0, 0] * jacobian[:, 1, 1] - jacobian[:, 0, 1] * jacobian[:, 1, 0]
-    return np.sqrt(np.maximum(determinant, 1e-12))
-
-
 def scaled_starts(
     points: TwoViewPoints, homographies: list[FloatArray], count: int
 ) -> list[tuple[FloatArray, TwoViewPose]]:

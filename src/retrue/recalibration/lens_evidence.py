@@ -14,12 +14,12 @@ from retrue.geometry.two_view import TwoViewPose
 from retrue.recalibration.candidates import behind, same_pose
 from retrue.recalibration.chance import beyond_chance
 from retrue.recalibration.lens import FOCAL, LENS_PARAMETERS, LensPrior, scaled_starts
+from retrue.recalibration.measured import MISFIT_PX
 from retrue.recalibration.parts import LOUD, Part
 from retrue.recalibration.posterior import Measured, Parameters, Posterior, Prior, fit_posterior, posterior_at
 from retrue.recalibration.rivals import SELDOM, UNEXPLAINED, least, move_deg, move_nats, plane_levels
 
 KNOWN_FOCAL = 0.01
-MISFIT_PX = 0.04  # of a real lens from its model, shared by a part of the picture: no term of the model mends it
 CHANGED_GAIN = 30.0  # of chi-square; eight parameters that nobody touched gain as much once in 5000 times
 DOUBTFUL_GAIN = 9.0
 FAR_MOVE_DEG = 10.0
@@ -40,6 +40,8 @@ class LensEvidence:
     prior : what is believed of the rig's own lenses.
     kept : (8, 8) second moment of what the rig's own lenses are off by, given what the points say.
     posterior : with free lenses, where one was fitted.
+    others : likewise, of other poses.
+    doubt : of chi-square, what free lenses gain over flat planes, if curved ones may explain as much.
     """
 
     verdict: Literal["checked", "unchecked", "changed"]
@@ -50,6 +52,7 @@ class LensEvidence:
     kept: FloatArray
     posterior: Posterior | None = None
     others: tuple[Posterior, ...] = ()
+    doubt: float = 0.0
 
 
 def lens_evidence(
@@ -72,7 +75,7 @@ def lens_evidence(
     quiet = min(plane_levels(measured), default=np.inf)
     elsewhere = not (noise.level < min(LOUD * quiet, 1.0) and noise.shared < max(0.5 * noise.level, MISFIT_PX))
     elsewhere = elsewhere or best.measured.aside is not None  # what was set aside may be right, through other lenses
-    posterior, others = None, ()
+    posterior, others, doubt = None, (), 0.0
     if gain > DOUBTFUL_GAIN or elsewhere or moved > FAR_MOVE_DEG:
         starts = [(best.parameters, 30)]
         if elsewhere or moved > FAR_MOVE_DEG:  # through other lenses, another pose may be it
@@ -86,9 +89,8 @@ def lens_evidence(
                 continue
         posterior = least(fits, measured)
         others = tuple(fit for fit in fits if not same_pose(fit.pose, posterior.pose))
-        gain = _gain(real, best, posterior, tight, part) + 2 * (
-            move_nats(moved) - move_nats(move_deg(posterior.pose, old))
-        )
+        nearer = 2 * (move_nats(moved) - move_nats(move_deg(posterior.pose, old)))
+        gain, doubt = (chi_square + nearer for chi_square in _gains(real, best, posterior, tight, part))
         change, covariance = posterior.parameters.lens, posterior.lens_covariance
     sigma = np.sqrt(np.diag(covariance))
     determined = bool((sigma[FOCAL] <= KNOWN_FOCAL).all())
@@ -98,7 +100,8 @@ def lens_evidence(
     prior = _effective_prior(tight, sigma) if verdict == "checked" else tight
     left = _with_prior(told, prior)
     asked = left @ pull  # lenses that stay are off by what the points ask for, too
-    return LensEvidence(verdict, change, sigma, gain, prior, left + np.outer(asked, asked), posterior, others)
+    kept = left + np.outer(asked, asked)
+    return LensEvidence(verdict, change, sigma, gain, prior, kept, posterior, others, doubt)
 
 
 def _believable(pull: FloatArray, told: FloatArray, wide: LensPrior) -> tuple[FloatArray, FloatArray]:
@@ -124,23 +127,26 @@ def _with_prior(told: FloatArray, prior: LensPrior) -> FloatArray:
     return root @ ((inverse + inverse.T) / 2) @ root.T
 
 
-def _gain(measured: Measured, best: Posterior, free: Posterior, prior: LensPrior, part: Part | None) -> float:
+def _gains(
+    measured: Measured, best: Posterior, free: Posterior, prior: LensPrior, part: Part | None
+) -> tuple[float, float]:
     """Chi-square by which the points prefer the free lenses to those of the prior, wherever that fits best.
 
     In the noise of the latter, which free lenses must explain. Their rival is also a scene whose planes are none, but
-    curved: it looks as flat through other lenses as planes do through the rig's own.
+    curved: it looks as flat through other lenses as planes do through the rig's own. The second is without that rival.
     """
     measured = replace(measured, aside=best.measured.aside)
-    curved = replace(measured, flatness=CURVED * measured.flatness)
-    gains: list[float] = []
-    for start in (best, free):
+    bent = replace(measured, flatness=CURVED * measured.flatness)
+    flat: list[float] = []
+    curved: list[float] = []
+    for start in (best.eased, free):
         held = fit_posterior(measured, start.parameters, Prior(prior, free=True), 15)
-        gains.append(_preferred(held, free, part, 0.0))
-        if gains[-1] > DOUBTFUL_GAIN and start.parameters.bows.size:
-            bent = replace(start.parameters, bows=start.parameters.bows / CURVED)
-            held = fit_posterior(curved, bent, Prior(prior, free=True), 15)
-            gains.append(_preferred(held, free, part, 2 * float(np.log(CURVED)) * bent.bows.size))
-    return min(gains)
+        flat.append(_preferred(held, free, part, 0.0))
+        if flat[-1] > DOUBTFUL_GAIN and start.parameters.bows.size:
+            bows = replace(start.parameters, bows=start.parameters.bows / CURVED)
+            held = fit_posterior(bent, bows, Prior(prior, free=True), 15)
+            curved.append(_preferred(held, free, part, 2 * float(np.log(CURVED)) * bows.bows.size))
+    return min(flat + curved), min(flat)
 
 
 def _preferred(held: Posterior, free: Posterior, part: Part | None, price: float) -> float:

@@ -11,8 +11,10 @@ from retrue.geometry.camera import Camera
 from retrue.geometry.two_view import FREE, TwoViewPoints
 from retrue.kernels import lenses as kernel
 from retrue.recalibration.fit import Support
-from retrue.recalibration.lens import LENS_PARAMETERS, changed_device, lens_numbers, magnification
+from retrue.recalibration.lens import LENS_PARAMETERS, lens_numbers
 from retrue.rig import Rig
+
+MISFIT_PX = 0.04  # of a real lens from its model, shared by a part of the picture: no term of the model mends it
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -57,12 +59,11 @@ class Measured:
         if not lens.any():
             return points
         rays = [points.camera_rays.copy(), points.projector_rays.copy()]
-        sigmas = [points.camera_sigma, points.projector_sigma]
+        sigmas = [points.camera_sigma.copy(), points.projector_sigma.copy()]
         for index, (device, pixels) in enumerate(self._devices):
             change = lens[index * LENS_PARAMETERS : (index + 1) * LENS_PARAMETERS]
-            nominal = magnification(device, rays[index])
-            kernel.move_rays(*lens_numbers(device, change), pixels, rays[index])
-            sigmas[index] = sigmas[index] * nominal / magnification(changed_device(device, change), rays[index])
+            lenses = *lens_numbers(device, change), *lens_numbers(device, np.zeros(LENS_PARAMETERS))
+            kernel.move_rays(*lenses, pixels, rays[index], sigmas[index])
         return TwoViewPoints(rays[0], rays[1], sigmas[0], sigmas[1], points.plane_index)
 
     def turns(self, lens: FloatArray, rays: FloatArray) -> tuple[FloatArray, FloatArray]:
@@ -90,11 +91,10 @@ class Measured:
 
     def without_planes(self, gone: BoolArray) -> Measured:
         """The same where the points of those planes (P,) lie on none."""
-        plane = self.support.points.plane_index
-        number = np.append(np.where(gone, FREE, np.cumsum(~gone) - 1), FREE)[plane]  # the last is that of FREE
-        points = replace(self.support.points, plane_index=number)
-        blocks = np.stack([self.support.blocks[0], np.where(number == FREE, -1, self.support.blocks[1])])
-        shapes = np.where(number[:, None] == FREE, 0.0, self.shapes)
+        points = self.support.points.without_planes(gone)
+        free = points.plane_index == FREE
+        blocks = np.stack([self.support.blocks[0], np.where(free, -1, self.support.blocks[1])])
+        shapes = np.where(free[:, None], 0.0, self.shapes)
         return replace(self, support=Support(points, blocks), shapes=shapes)
 
     @property

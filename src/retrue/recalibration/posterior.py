@@ -35,6 +35,8 @@ from retrue.recalibration.measured import Measured
 LENSES = 2 * LENS_PARAMETERS
 SETTLED = 0.02  # of a squared standard deviation; after such a step about a sixtieth of that is left
 FLAT = 0.02  # of chi-square: what a damped step gains along a valley where nothing more is to be told
+SLOW = 0.3  # of the noise, that neighbours share
+EASING = 8
 MUCH_DAMPING, LARGEST_DAMPING = 0.3, 1e6
 
 
@@ -221,6 +223,24 @@ class Posterior:
         own, _ = self._parts
         return _inverse(self.information[np.ix_(own, own)])[:POSE_PARAMETERS, :POSE_PARAMETERS] * COVARIANCE_FACTOR
 
+    @cached_property
+    def eased(self) -> Posterior:
+        """The same with both lenses free within their prior, where a slow error asks for it: what hypotheses are
+        compared by.
+
+        Points that are more exact than the lenses would else speak for whatever pose follows an error of those. On the
+        way, no two points share an error, or all that a lens makes would be taken for it.
+        """
+        if self.prior.free or not any(noise.shared > SLOW * noise.level for noise in self.fit.noises):
+            return self
+        prior, points = replace(self.prior, free=True), self.measured.support.points
+        apart = replace(self.measured, support=Support(points, np.tile(np.arange(len(points)), (2, 1))))
+        try:
+            moved = fit_posterior(apart, self.parameters, prior, EASING)
+        except DegenerateError:
+            return self
+        return posterior_at(self.measured, moved.parameters, prior)
+
     @property
     def lens_covariance(self) -> FloatArray:
         """(8, 8) of free lenses, all else being free too."""
@@ -300,12 +320,12 @@ def improved(here: Posterior, iterations: int) -> Posterior:
     for _ in range(iterations):
         step, length = here.step(damping)
         moved = posterior_at(here.measured, here.parameters.moved(step), here.prior)
-        gained = cost - _cost(moved, here)
-        if not gained >= 0:  # the valley bends: a straight step leaves it, and one more leads back, further down
+        gained, least = cost - _cost(moved, here), -(cost * 1e-9 + 1e-6)
+        if not gained >= least:  # the valley bends: a straight step leaves it, and one more leads back, further down
             back = posterior_at(here.measured, moved.parameters.moved(moved.step(damping)[0]), here.prior)
             if _cost(back, here) < _cost(moved, here):
                 moved, gained = back, cost - _cost(back, here)
-        if not gained >= -(cost * 1e-9 + 1e-6):
+        if not gained >= least:
             damping, too_long = max(10 * damping, 1e-4), True
             if damping > LARGEST_DAMPING or length < SETTLED:
                 break

@@ -40,8 +40,7 @@ class Rays:
 
     def without_planes(self, gone: BoolArray) -> Rays:
         """The same where the points of those planes (P,) lie on none."""
-        number = np.append(np.where(gone, FREE, np.cumsum(~gone) - 1), FREE)  # the last is that of FREE
-        return replace(self, points=replace(self.points, plane_index=number[self.points.plane_index]))
+        return replace(self, points=self.points.without_planes(gone))
 
     def thinned(self, count: int, rng: np.random.Generator) -> Rays:
         """At most `count` of them, evenly at random."""

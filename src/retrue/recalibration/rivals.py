@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from math import log1p
 
 import numpy as np
 
@@ -131,14 +132,19 @@ def explained_costs(
 
 
 def least(posteriors: list[Posterior], measured: Measured) -> Posterior:
-    """The posterior of least cost."""
-    floor = Floor.of(posteriors)
+    """The posterior of least cost; of those that its sigma holds, the one that the lenses as they are fit best."""
+    best = _least(posteriors, [fit.eased for fit in posteriors], measured)
+    alike = [fit for fit in posteriors if fit is best or same_answer(best, fit.pose)]
+    return best if len(alike) == 1 else _least(alike, alike, measured)
 
-    def total(fit: Posterior) -> float:
+
+def _least(posteriors: list[Posterior], judged: list[Posterior], measured: Measured) -> Posterior:
+    floor = Floor.of(judged)
+    totals: list[float] = []
+    for fit in judged:
         found, price, parts = explained_costs(fit, floor, measured, None)
-        return float(found.sum()) + price + parts
-
-    return min(posteriors, key=total)
+        totals.append(float(found.sum()) + price + parts)
+    return posteriors[int(np.argmin(totals))]
 
 
 def nearest_points(rays: Rays) -> IntArray:
@@ -209,13 +215,14 @@ def _rivals(
     part: Part | None,
     rng: np.random.Generator,
 ) -> tuple[Rival, ...]:
-    others = [("another pose", fit) for fit in posteriors if not _same(best, fit.pose)]
+    others = [("another pose", fit, fit.eased) for fit in posteriors if not same_answer(best, fit.pose)]
     for twin in twins_of(best.pose, best.points):
-        if not (_same(best, twin) or any(same_pose(twin, fit.pose) for _, fit in others)):
-            others.append(("the twin", posterior_at(measured, replace(best.parameters, pose=twin), best.prior)))
+        if not (same_answer(best, twin) or any(same_pose(twin, fit.pose) for _, fit, _ in others)):
+            fit = posterior_at(measured, replace(best.parameters, pose=twin), best.prior)
+            others.append(("the twin", fit, fit))
     found = [
-        Rival(name, fit, _point_evidence(best, fit, measured, part), 0.0, _moved(fit, old) - _moved(best, old))
-        for name, fit in others
+        Rival(name, fit, _point_evidence(best, fit, eased, measured, part), 0.0, _moved(fit, old) - _moved(best, old))
+        for name, fit, eased in others
     ]
     near = [index for index, rival in enumerate(found) if rival.margin < LIGHT_MATTERS]
     if light is not None and near:
@@ -234,7 +241,7 @@ def _strongest_of_each_pose(rivals: list[Rival]) -> tuple[Rival, ...]:
     return tuple(kept)
 
 
-def _same(best: Posterior, pose: TwoViewPose) -> bool:
+def same_answer(best: Posterior, pose: TwoViewPose) -> bool:
     """Whether a pose is no other explanation: found twice, or one that the sigma of the best holds already."""
     if same_pose(pose, best.pose):
         return True
@@ -242,23 +249,45 @@ def _same(best: Posterior, pose: TwoViewPose) -> bool:
     return float(difference @ np.linalg.solve(best.covariance, difference)) < WITHIN**2
 
 
-def _point_evidence(best: Posterior, rival: Posterior, measured: Measured, part: Part | None) -> float:
+def _point_evidence(
+    best: Posterior, rival: Posterior, eased: Posterior, measured: Measured, part: Part | None
+) -> float:
     """Nats, of the points and of what has to be taken for a part of its own.
 
     A sum that a few points make, as chance would have it, counts less. Of a plane that both fit, the difference counts
-    that is larger than what no model explains of a real wall.
+    that is larger than what no model explains of a real wall, nor a slow error that one of them takes for a bow.
     """
-    floor = Floor.of([best, rival])
-    lost, price, parts = explained_costs(rival, floor, measured, part)
-    held, own_price, own_parts = explained_costs(best, floor, measured, part)
-    preferred = lost - held
-    shared = _shared_plane(best, rival, measured)
-    elsewhere = preferred[~shared]
+    shared, floor = _shared_plane(best, rival, measured), Floor.of([best, best.eased, rival, eased])
+    lost, price, parts = _cheaper((rival, eased), floor, measured, part, ~shared)
+    held, own_price, own_parts = _cheaper((best, best.eased), floor, measured, part, ~shared)
+    elsewhere = (lost - held)[~shared]
     told = float(elsewhere.sum()) * beyond_chance(elsewhere) + min(price - own_price, 0.0) + parts - own_parts
-    if shared.any():
-        mean = float(preferred[shared].mean())
-        told += np.count_nonzero(shared) * float(np.sign(mean)) * max(abs(mean) - ROUGH, 0.0)
+    if shared.any():  # lenses may follow what is slow, or be what makes it: of both, what tells less
+        pairs = (best, rival), (best.eased, eased)
+        told += min((_of_shared(*pair, measured, part, shared) for pair in pairs), key=abs)
     return 0.5 * told
+
+
+def _of_shared(best: Posterior, rival: Posterior, measured: Measured, part: Part | None, shared: BoolArray) -> float:
+    floor = Floor.of([best, rival])
+    lost, held = (explained_costs(fit, floor, measured, part)[0] for fit in (rival, best))
+    mean = float((lost - held)[shared].mean())
+    unheld = ROUGH + _slow(rival if mean > 0 else best)
+    return np.count_nonzero(shared) * float(np.sign(mean)) * max(abs(mean) - unheld, 0.0)
+
+
+def _cheaper(
+    fits: tuple[Posterior, Posterior], floor: Floor, measured: Measured, part: Part | None, rows: BoolArray
+) -> tuple[FloatArray, float, float]:
+    """The `explained_costs` of whichever of the two, as it is or eased, costs less at those rows (N,)."""
+    found = [explained_costs(fit, floor, measured, part) for fit in fits]
+    return min(found, key=lambda one: float(one[0][rows].sum()) + one[1] + one[2])
+
+
+def _slow(posterior: Posterior) -> float:
+    """By how much the part of its noise that neighbours share raises the cost of each point."""
+    noises = posterior.fit.epipolar_noise, posterior.fit.along_noise
+    return sum(log1p(noise.shared**2 / noise.level**2) for noise in noises)
 
 
 def _shared_plane(best: Posterior, rival: Posterior, measured: Measured) -> BoolArray:

@@ -9,18 +9,19 @@ import numpy as np
 
 from retrue.correspondences import Correspondences
 from retrue.errors import DegenerateError
+from retrue.geometry.robust import biweight_loss
 from retrue.geometry.two_view import TwoViewPose
 from retrue.recalibration.candidates import match_noise, refined_poses, starting_poses, with_planes
-from retrue.recalibration.fit import Support
+from retrue.recalibration.fit import PoseFit, Support
 from retrue.recalibration.options import RecalibrateOptions
 from retrue.recalibration.posterior import Posterior
 from retrue.recalibration.rays import rays_of_captures
-from retrue.recalibration.rivals import move_deg
+from retrue.recalibration.rivals import UNEXPLAINED, move_deg
 from retrue.rig import Rig
 
 FAR_MOVE_DEG = 15.0
 NEARER = 3.0  # times, than the answer is to the old pose
-AS_WELL = 1.5  # times the noise of the answer
+AS_WELL = 0.8  # of chi-square, each point: noise that is half as large again
 ASKED_POINTS = 800
 
 
@@ -52,10 +53,14 @@ def move_if_exchanged(
         fits = refined_poses(starts, Support.of(rays), rng)
     except DegenerateError:
         return None
-    explained = float(np.mean(answer.fit.explained))
-    level = AS_WELL * answer.fit.epipolar_noise.level
-    as_well = [
-        fit for fit in fits if fit.epipolar_noise.level < level and float(np.mean(fit.explained)) > 0.9 * explained
-    ]
-    nearest = min((move_deg(fit.pose, old) for fit in as_well), default=np.inf)
+    least = min(fit.epipolar_noise.level for fit in (answer.fit, *fits))
+    at_most = _mean_cost(answer.fit, least) + AS_WELL
+    nearest = min((move_deg(fit.pose, old) for fit in fits if _mean_cost(fit, least) < at_most), default=np.inf)
     return float(nearest) if nearest * NEARER < moved else None
+
+
+def _mean_cost(fit: PoseFit, least: float) -> float:
+    """-2 log likelihood of a point across its epipolar line, up to a constant, saturated: see `rivals.costs`."""
+    level = fit.epipolar_noise.level
+    cost = biweight_loss(fit.found.epipolar / level) + 2 * float(np.log(level / least))
+    return float(np.minimum(cost, UNEXPLAINED).mean())

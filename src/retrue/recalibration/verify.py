@@ -20,7 +20,7 @@ from retrue.geometry.transform import RigidTransform
 from retrue.geometry.two_view import TwoViewPose, epipolar_residuals, planes_of_pose
 from retrue.rasters import check_captures, picture_mirrored
 from retrue.recalibration.fit import chi_square
-from retrue.recalibration.judge import Judgement, deviations_limit, drift, judge, objection, rig_covariance
+from retrue.recalibration.judge import Judgement, deviations_limit, drift, judge, objection, own_covariance
 from retrue.recalibration.options import RecalibrateOptions, VerifyOptions
 from retrue.recalibration.posterior import PosePrior, Prior, fit_posterior
 from retrue.recalibration.reasons import (
@@ -130,7 +130,7 @@ def contradiction(rig: Rig, judgement: Judgement, options: RecalibrateOptions) -
     R, t = pose.R, pose.t / np.linalg.norm(pose.t)
     lens = answer.prior.lens
     best = fit_posterior(measured, answer.parameters, Prior(lens, free=True), 10)
-    precision: FloatArray = np.linalg.inv(rig_covariance(rig, options)).astype(np.float64)
+    precision: FloatArray = np.linalg.inv(own_covariance(rig, options)).astype(np.float64)
     held = Prior(lens, free=True, pose=PosePrior(R, t, precision))
     homographies = [answer.pose.R + answer.pose.t[:, None] * n for n in answer.pose.planes]
     own = TwoViewPose(R, t, planes_of_pose(R, t, homographies))
