@@ -31,7 +31,7 @@ from retrue.recalibration.candidates import (
 )
 from retrue.recalibration.fit import PoseFit, Support
 from retrue.recalibration.lens import LENS_NAMES, LENS_PARAMETERS, stated_prior, wide_prior
-from retrue.recalibration.lens_evidence import CHANGED_GAIN, LensEvidence, lens_evidence
+from retrue.recalibration.lens_evidence import LensEvidence, lens_evidence
 from retrue.recalibration.options import RecalibrateOptions
 from retrue.recalibration.parts import (
     LOUD,
@@ -258,10 +258,6 @@ def objection(
             float(lens.sigma[clearest]),
             lens.gain,
         )
-    changed = lens.posterior  # no one parameter may say so clearly, or a curved scene as well; it is no answer then
-    doubted = lens.doubt > CHANGED_GAIN and lens.verdict != "changed"
-    if doubted and changed is not None and not same_answer(judgement.answer, changed.pose):
-        return _unbeaten("a changed lens", -lens.doubt / 2, judgement.answer.pose, changed.pose)
     if not (share >= 1 - options.max_outliers and level <= options.max_noise_px):
         return PointsDisagree(share, 1 - options.max_outliers, level, options.max_noise_px)
     if judgement.differing is not None and not judgement.differing[1] <= MOST_DEVIATIONS:
@@ -272,7 +268,9 @@ def objection(
             return PartsContradict(share, other)
     rival = min(judgement.rivals, key=lambda one: one.margin, default=None)
     if rival is not None and not rival.margin >= options.min_margin:
-        return _unbeaten(rival.name, rival.margin, judgement.answer.pose, rival.posterior.pose)
+        pose, other = judgement.answer.pose, rival.posterior.pose
+        apart = np.degrees([rotation_angle(pose.R @ other.R.T), direction_angle(pose.t, other.t)])
+        return RivalUnbeaten(rival.name, rival.margin, *apart.tolist())
     if sigma is None or distance is None or sigma.displacement is None:
         return PoseUndetermined("pose: the points have no depth; show more of the scene")
     if not np.isfinite(sigma.displacement):
@@ -285,11 +283,6 @@ def objection(
     if not error <= allowed:
         return Imprecise(sigma.rotation_deg, sigma.translation_deg, error, allowed)
     return None
-
-
-def _unbeaten(name: str, margin: float, pose: TwoViewPose, other: TwoViewPose) -> RivalUnbeaten:
-    apart = np.degrees([rotation_angle(pose.R @ other.R.T), direction_angle(pose.t, other.t)])
-    return RivalUnbeaten(name, margin, *apart.tolist())
 
 
 MOST_DEVIATIONS = 6.0

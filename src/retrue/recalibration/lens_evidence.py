@@ -41,7 +41,6 @@ class LensEvidence:
     kept : (8, 8) second moment of what the rig's own lenses are off by, given what the points say.
     posterior : with free lenses, where one was fitted.
     others : likewise, of other poses.
-    doubt : of chi-square, what free lenses gain over flat planes, if curved ones may explain as much.
     """
 
     verdict: Literal["checked", "unchecked", "changed"]
@@ -52,7 +51,6 @@ class LensEvidence:
     kept: FloatArray
     posterior: Posterior | None = None
     others: tuple[Posterior, ...] = ()
-    doubt: float = 0.0
 
 
 def lens_evidence(
@@ -75,7 +73,7 @@ def lens_evidence(
     quiet = min(plane_levels(measured), default=np.inf)
     elsewhere = not (noise.level < min(LOUD * quiet, 1.0) and noise.shared < max(0.5 * noise.level, MISFIT_PX))
     elsewhere = elsewhere or best.measured.aside is not None  # what was set aside may be right, through other lenses
-    posterior, others, doubt = None, (), 0.0
+    posterior, others = None, ()
     if gain > DOUBTFUL_GAIN or elsewhere or moved > FAR_MOVE_DEG:
         starts = [(best.parameters, 30)]
         if elsewhere or moved > FAR_MOVE_DEG:  # through other lenses, another pose may be it
@@ -90,7 +88,7 @@ def lens_evidence(
         posterior = least(fits, measured)
         others = tuple(fit for fit in fits if not same_pose(fit.pose, posterior.pose))
         nearer = 2 * (move_nats(moved) - move_nats(move_deg(posterior.pose, old)))
-        gain, doubt = (chi_square + nearer for chi_square in _gains(real, best, posterior, tight, part))
+        gain = _gain(real, best, posterior, tight, part) + nearer
         change, covariance = posterior.parameters.lens, posterior.lens_covariance
     sigma = np.sqrt(np.diag(covariance))
     determined = bool((sigma[FOCAL] <= KNOWN_FOCAL).all())
@@ -101,7 +99,7 @@ def lens_evidence(
     left = _with_prior(told, prior)
     asked = left @ pull  # lenses that stay are off by what the points ask for, too
     kept = left + np.outer(asked, asked)
-    return LensEvidence(verdict, change, sigma, gain, prior, kept, posterior, others, doubt)
+    return LensEvidence(verdict, change, sigma, gain, prior, kept, posterior, others)
 
 
 def _believable(pull: FloatArray, told: FloatArray, wide: LensPrior) -> tuple[FloatArray, FloatArray]:
@@ -127,26 +125,23 @@ def _with_prior(told: FloatArray, prior: LensPrior) -> FloatArray:
     return root @ ((inverse + inverse.T) / 2) @ root.T
 
 
-def _gains(
-    measured: Measured, best: Posterior, free: Posterior, prior: LensPrior, part: Part | None
-) -> tuple[float, float]:
+def _gain(measured: Measured, best: Posterior, free: Posterior, prior: LensPrior, part: Part | None) -> float:
     """Chi-square by which the points prefer the free lenses to those of the prior, wherever that fits best.
 
     In the noise of the latter, which free lenses must explain. Their rival is also a scene whose planes are none, but
-    curved: it looks as flat through other lenses as planes do through the rig's own. The second is without that rival.
+    curved: it looks as flat through other lenses as planes do through the rig's own.
     """
     measured = replace(measured, aside=best.measured.aside)
-    bent = replace(measured, flatness=CURVED * measured.flatness)
-    flat: list[float] = []
-    curved: list[float] = []
+    curved = replace(measured, flatness=CURVED * measured.flatness)
+    gains: list[float] = []
     for start in (best.eased, free):
         held = fit_posterior(measured, start.parameters, Prior(prior, free=True), 15)
-        flat.append(_preferred(held, free, part, 0.0))
-        if flat[-1] > DOUBTFUL_GAIN and start.parameters.bows.size:
-            bows = replace(start.parameters, bows=start.parameters.bows / CURVED)
-            held = fit_posterior(bent, bows, Prior(prior, free=True), 15)
-            curved.append(_preferred(held, free, part, 2 * float(np.log(CURVED)) * bows.bows.size))
-    return min(flat + curved), min(flat)
+        gains.append(_preferred(held, free, part, 0.0))
+        if gains[-1] > DOUBTFUL_GAIN and start.parameters.bows.size:
+            bent = replace(start.parameters, bows=start.parameters.bows / CURVED)
+            held = fit_posterior(curved, bent, Prior(prior, free=True), 15)
+            gains.append(_preferred(held, free, part, 2 * float(np.log(CURVED)) * bent.bows.size))
+    return min(gains)
 
 
 def _preferred(held: Posterior, free: Posterior, part: Part | None, price: float) -> float:
