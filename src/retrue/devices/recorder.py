@@ -9,10 +9,12 @@ from itertools import pairwise
 import numpy as np
 
 from retrue.devices.options import RecordOptions
+from retrue.devices.probes import Probes, find_probes
 from retrue.devices.protocols import CameraDriver, CameraFrame, ProjectorDriver
 from retrue.devices.references import References, band_differences, grey_levels, still_noise
 from retrue.devices.shown_pictures import Picture, black_and_white, fine_picture, fitting, mean_light, tag_pictures
-from retrue.devices.shutter import Change, Probes, Shutter, find_probes, fit_shutter
+from retrue.devices.shutter import Shutter
+from retrue.devices.shutter_fit import Change, fit_shutter
 from retrue.devices.stream_pass import Pass
 from retrue.errors import DeviceError
 from retrue.geometry.arrays import Image
@@ -73,6 +75,8 @@ class Recorder:
             if self.shutter is not None and len(missing) >= FEW and poor < MOST_POOR:
                 new = self._pass([wide[index] for index in missing], self.shutter)
                 poor = 0 if len(new) >= FEW else poor + 1
+                if poor == 1:  # the camera's time may have changed
+                    self._time()
             else:
                 new = {0: self._record_alone(wide[missing[0]], f"picture {missing[0] + 1} of {len(wide)}")}
             found |= {missing[index]: frame for index, frame in new.items()}
@@ -118,7 +122,7 @@ class Recorder:
         if excess > 1:  # a camera that compresses its pictures is noisier where there is more in them
             self.references = self.references.louder(excess)
         self._probes = find_probes(self.references)
-        self.shutter = fit_shutter(self._changes(self._probes), self._probes, self._period())
+        self.shutter = fit_shutter(self._changes(self._probes), self._probes, self._period(), self.camera.exposure_ms)
         self._timed = True
 
     def _changes(self, probes: Probes) -> list[Change]:

@@ -1,8 +1,9 @@
-"""Pictures shown one after another at the camera's pace, and of each the frame that shows it, which comes some frames late.
+"""Pictures shown one after another at the camera's pace, and of each the frame that shows it, some frames later.
 
-Each stays until every row has been exposed to it alone, and once more to some of it: two frame times less one exposure. Where no frame has all its rows whole, its bands come from two frames in a row. Nothing is taken for what it
-should be by its time alone: frames must be the mixtures of pictures that their place among them says, before and after,
-up to a tag at either end, whose looks are known. A picture some rows of which were lost is shown again.
+Each stays until every row has been exposed to it alone, and once more to some of it: two frame times less an exposure.
+Where no frame has all its rows whole, its bands come from two frames in a row. Nothing is taken for what it should be
+by its time alone: frames must be the mixtures of pictures that their place among them says, before and after, up to a
+tag at either end, whose looks are known. A picture some rows of which were lost is shown again.
 """
 
 from __future__ import annotations
@@ -10,14 +11,16 @@ from __future__ import annotations
 from collections import deque
 from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import combinations
 
 import numpy as np
 
 from retrue.devices.frame_order import FITS, TOUCHED, FrameOrder, Placed, Shows
+from retrue.devices.probes import Probes
 from retrue.devices.protocols import CameraDriver, CameraFrame, ProjectorDriver
 from retrue.devices.references import BANDS, References, grey_levels
 from retrue.devices.shown_pictures import Picture, coarse_change, tag_pictures
-from retrue.devices.shutter import MARGIN, Probes, Shutter
+from retrue.devices.shutter import MARGIN, Shutter
 from retrue.geometry.arrays import Image
 
 FEWEST_SIGHTS = 2  # frames that hold some of a picture, in each band
@@ -107,9 +110,9 @@ class _Run:
         return self._found if self._closed() else {}
 
     def _closed(self) -> bool:
-        """Whether it ends as it should: the last tag is where it is expected, and the picture before it is another one."""
+        """Whether it ends as it should: with the last tag where it is expected, and with no tag before it."""
         best, lit, before = self._order.best, self._how.probes.lit, self._before
-        if best is None or before is None or best.first != len(self._keys) - 1 or self._bad:
+        if best is None or before is None or self._bad or not self._alone(best, len(self._keys) - 1):
             return False
         tag = self._how.references.tags[2]
         alike = coarse_change(self._pictures[before[0]], self._tags[1]) < VISIBLE_CHANGE
@@ -118,6 +121,11 @@ class _Run:
     def times(self) -> list[float]:
         """When pictures came on that may be on their way to the camera."""
         return self._shows.at[1:][-2 * self._how.max_lag :]
+
+    def _alone(self, placed: Placed, show: int) -> bool:
+        """Whether a frame holds nothing else, as far as it tells."""
+        place = show - placed.first
+        return place < placed.shares.shape[1] and bool((placed.shares[:, place] >= 1 - TOUCHED).all())
 
     def _show(self, picture: Picture, at: float, key: int, looks: np.ndarray | None = None) -> None:
         on = self._how.projector.show(picture, at)
@@ -189,6 +197,11 @@ class _Run:
                 whole[placed.index] = self._how.shutter.whole(placed.number, self._how.probes.edges, on, off)
         if not whole or not np.any(list(whole.values()), axis=0).all() or (sights[lit] < FEWEST_SIGHTS).any():
             return None
+        for one, other in combinations(sorted(whole), 2):
+            both = whole[one] & whole[other]
+            pair = [grey_levels(self._frames[index].picture) for index in (one, other)]
+            if both.any() and (self._how.references.excesses(*pair)[both] > 1).any():
+                return None
         order = sorted(whole, key=lambda index: -int(whole[index].sum()))
         picture = self._frames[order[0]].picture
         if not whole[order[0]].all():
