@@ -1,8 +1,8 @@
 """Which exposure each frame of a camera is of, told by what is in it, however late it comes and whatever is lost.
 
 What was shown when, and the shutter, say how much of each picture is in each row of exposure n. A frame that is taken
-for that exposure must then be that mixture of what the frames before it tell of these pictures, of which nothing is
-known else: per band a linear model with normal priors, whose likelihood a Kalman filter gives frame by frame. All numberings
+for that exposure must be that mixture of what the frames before it tell of these pictures, of which nothing else is
+known: per band a linear model with normal priors, whose likelihood a Kalman filter gives frame by frame. All numberings
 that are worth it are followed side by side, the best one to each number kept (Viterbi).
 """
 

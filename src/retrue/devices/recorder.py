@@ -26,9 +26,9 @@ CHANGES = 12  # from black to white and back, from which the shutter is told
 PHASE = 0.382  # of a period, by which each comes later than the one before it
 ARRIVED = 0.03  # of white over black, that a frame may hold of the picture before
 PERIOD_FRAMES = 32
-MOST_POOR = 3  # passes
+MOST_POOR = 3  # passes that bring nothing
 MOST = 64  # pictures between two tags
-FEW = 4  # pictures that are not worth a pass
+FEW = 4  # pictures that are worth to find out how quickly they may follow each other
 SHORTEST_PERIOD = 1e-4  # seconds between two frames
 SEEN_CHANGE = 0.1  # of white over black, in some rows, by which a picture differs from what was shown before it
 ALIKE = 1.5  # ratio of the differences of frames that stand still, however noisy they are
@@ -69,12 +69,12 @@ class Recorder:
         if len(wide) >= FEW and not self._timed and not self.camera.triggered:
             self._time()
         found: dict[int, CameraFrame] = {}
-        poor = 0  # passes that brought next to nothing
+        poor = 0  # passes, one after the other, that brought nothing
         while len(found) < len(wide):
             missing = [index for index in range(len(wide)) if index not in found][:MOST]
-            if self.shutter is not None and len(missing) >= FEW and poor < MOST_POOR:
+            if self.shutter is not None and poor < MOST_POOR:
                 new = self._pass([wide[index] for index in missing], self.shutter)
-                poor = 0 if len(new) >= FEW else poor + 1
+                poor = 0 if new else poor + 1
                 if poor == 1:  # the camera's time may have changed
                     self._time()
             else:
