@@ -154,7 +154,7 @@ class FrameOrder:
         """The filter's step: that frame taken for that exposure."""
         shutter, probes, shows = self.shutter, self.probes, self.shows
         begin = shutter.begins(number, probes.middle)
-        at = np.array(shows.at)
+        at: FloatArray = np.array(shows.at)
         low = max(int(np.searchsorted(at, begin.min(), side="right")) - 1, before.last.first if before else 0)
         high = max(int(np.searchsorted(at, begin.max() + shutter.exposure, side="left")), low + 1)
         if before is not None:

@@ -65,7 +65,8 @@ def find_probes(references: References) -> Probes:
     height, width = white.shape[:2]
     contrast = (white - black).sum(axis=2)
     contrast[white.max(axis=2) > SATURATED] = 0
-    rows = [int(np.mean(part)) for part in np.array_split(np.arange(height), BANDS)]
+    parts: list[NDArray[np.intp]] = np.array_split(np.arange(height), BANDS)
+    rows = [int(part.mean()) for part in parts]
     least = LIT * np.percentile(contrast[rows], 95)
     index, lit = np.zeros((BANDS, PROBES), np.intp), np.zeros(BANDS, bool)
     for band, row in enumerate(rows):

@@ -17,7 +17,7 @@ from retrue.devices.shutter import Shutter
 from retrue.devices.shutter_fit import Change, fit_shutter
 from retrue.devices.stream_pass import Pass
 from retrue.errors import DeviceError
-from retrue.geometry.arrays import Image
+from retrue.geometry.arrays import FloatArray, Image
 
 Progress = Callable[[int, int], None]
 
@@ -169,7 +169,7 @@ class Recorder:
         periods = usual * np.arange(0.7, 1.15, 0.1 / PERIOD_FRAMES)
         turns = np.exp(2j * np.pi * (times - times[0]) / periods[:, None]).sum(axis=1)
         best = int(np.abs(turns).argmax())
-        counts = np.round((times - times[0]) / periods[best])
+        counts: FloatArray = np.round((times - times[0]) / periods[best])
         return float(np.polyfit(counts, times, 1)[0])
 
     def _pass(self, pictures: Sequence[Picture], shutter: Shutter) -> dict[int, CameraFrame]:

@@ -66,7 +66,7 @@ class Shutter:
     def whole(self, number: int, edges: FloatArray, on: float, off: float) -> NDArray[np.bool_]:
         """(BANDS,) whether all rows of each band hold nothing but what was shown from `on` to `off`."""
         begin, margin = self.begins(number, edges), MARGIN * self.period
-        return ((begin >= on + margin) & (begin + self.exposure <= off - margin)).all(axis=1)
+        return np.asarray(((begin >= on + margin) & (begin + self.exposure <= off - margin)).all(axis=1))
 
     def seen_by(self, on: float, edges: FloatArray) -> float:
         """When every band has been exposed as a whole to what came on then."""

@@ -9,9 +9,10 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
-from scipy.optimize import least_squares
+from scipy.optimize import least_squares  # pyright: ignore[reportUnknownVariableType]
 
 from retrue.devices.probes import Probes
 from retrue.devices.shutter import Shutter
@@ -92,8 +93,9 @@ def fit_shutter(
     least = np.array([-np.inf, 0.98 * period, -1.2 * period, 1e-3 * period, 0.5])
     most = np.array([np.inf, 1.02 * period, 1.2 * period, 1.2 * period, 4.0])
     scale = np.array([period, 1e-3 * period, period, period, 1.0])
-    how = {"bounds": (least, most), "x_scale": scale, "loss": "soft_l1", "f_scale": 0.05, "max_nfev": MOST_STEPS}
-    fitted: FloatArray = least_squares(residuals, np.clip(guess, least, most), **how).x
+    how: dict[str, Any] = {"x_scale": scale, "loss": "soft_l1", "f_scale": 0.05, "max_nfev": MOST_STEPS}
+    found: Any = least_squares(residuals, np.clip(guess, least, most), bounds=(least, most), **how)
+    fitted: FloatArray = found.x
     if not np.sqrt(np.mean(np.minimum(np.square(residuals(fitted)[:-3]), OUTLIER))) <= WORST_FIT:
         return None
     start, length, readout, exposure, gamma = (float(value) for value in fitted)
@@ -165,5 +167,8 @@ def _beginnings(
                 best = np.minimum(best, misfit / (len(way) * len(few)))
         total += best
     chosen = total.reshape(len(grid), -1).argmin(axis=1)
-    places = zip(grid, *np.unravel_index(chosen, total.shape[1:]), strict=True)
-    return [(float(begin), float(readout[0, row, 0]), float(exposure[0, 0, time])) for begin, row, time in places]
+    places = np.unravel_index(chosen, total.shape[1:])
+    return [
+        (float(begin), float(readout[0, row, 0]), float(exposure[0, 0, time]))
+        for begin, row, time in zip(grid, places[0], places[1], strict=True)
+    ]

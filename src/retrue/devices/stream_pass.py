@@ -199,8 +199,8 @@ class _Run:
             return None
         for one, other in combinations(sorted(whole), 2):
             both = whole[one] & whole[other]
-            pair = [grey_levels(self._frames[index].picture) for index in (one, other)]
-            if both.any() and (self._how.references.excesses(*pair)[both] > 1).any():
+            pair = grey_levels(self._frames[one].picture), grey_levels(self._frames[other].picture)
+            if both.any() and (self._how.references.excesses(pair[0], pair[1])[both] > 1).any():
                 return None
         order = sorted(whole, key=lambda index: -int(whole[index].sum()))
         picture = self._frames[order[0]].picture
