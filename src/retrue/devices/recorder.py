@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 from itertools import pairwise
+from typing import cast
 
 import numpy as np
 
@@ -169,7 +170,7 @@ class Recorder:
         periods = usual * np.arange(0.7, 1.15, 0.1 / PERIOD_FRAMES)
         turns = np.exp(2j * np.pi * (times - times[0]) / periods[:, None]).sum(axis=1)
         best = int(np.abs(turns).argmax())
-        counts: FloatArray = np.round((times - times[0]) / periods[best])
+        counts = cast("FloatArray", np.round((times - times[0]) / periods[best]))
         return float(np.polyfit(counts, times, 1)[0])
 
     def _pass(self, pictures: Sequence[Picture], shutter: Shutter) -> dict[int, CameraFrame]:

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 from scipy.optimize import least_squares  # pyright: ignore[reportUnknownVariableType]
@@ -94,8 +94,8 @@ def fit_shutter(
     most = np.array([np.inf, 1.02 * period, 1.2 * period, 1.2 * period, 4.0])
     scale = np.array([period, 1e-3 * period, period, period, 1.0])
     how: dict[str, Any] = {"x_scale": scale, "loss": "soft_l1", "f_scale": 0.05, "max_nfev": MOST_STEPS}
-    found: Any = least_squares(residuals, np.clip(guess, least, most), bounds=(least, most), **how)
-    fitted: FloatArray = found.x
+    found = cast("Any", least_squares(residuals, np.clip(guess, least, most), bounds=(least, most), **how))
+    fitted = cast("FloatArray", found.x)
     if not np.sqrt(np.mean(np.minimum(np.square(residuals(fitted)[:-3]), OUTLIER))) <= WORST_FIT:
         return None
     start, length, readout, exposure, gamma = (float(value) for value in fitted)
@@ -167,7 +167,7 @@ def _beginnings(
                 best = np.minimum(best, misfit / (len(way) * len(few)))
         total += best
     chosen = total.reshape(len(grid), -1).argmin(axis=1)
-    places = np.unravel_index(chosen, total.shape[1:])
+    places = cast("tuple[Any, Any]", np.unravel_index(chosen, total.shape[1:]))
     return [
         (float(begin), float(readout[0, row, 0]), float(exposure[0, 0, time]))
         for begin, row, time in zip(grid, places[0], places[1], strict=True)
