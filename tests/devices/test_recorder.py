@@ -21,9 +21,17 @@ def recorded(options: dict[str, Any]) -> tuple[Witness, Recorder, list[CameraFra
     return camera, recorder, recorder.record(GRAY)
 
 
-@pytest.mark.parametrize("lag", range(6))
-def test_each_picture_takes_little_more_than_two_frames_whatever_the_lag(lag):
-    rig = small_rig(lag_frames=lag)
+@pytest.mark.parametrize(
+    "options",
+    [
+        *({"lag_frames": lag} for lag in range(6)),
+        {"lag_frames": 5, "readout": 0.95, "exposure_ms": 28.0, "bright_ms": 28.0},  # a change in each frame
+        {"lag_frames": 3, "readout": 0.6, "exposure_ms": 15.0, "bright_ms": 15.0, "fps": 28.3, "drop": 0.02},
+        {"lag_frames": 0, "lag_jitter_frames": 5, "readout": 0.8, "exposure_ms": 20.0, "bright_ms": 20.0},
+    ],
+)
+def test_each_picture_takes_little_more_than_two_frames_whatever_the_lag_and_the_shutter(options):
+    rig = small_rig(**options)
     camera = Witness(rig)
     recorder = Recorder(camera, rig.projector)
     recorder.record(GRAY[:4])  # measures

@@ -5,26 +5,31 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 from itertools import pairwise
+from typing import cast
 
 import numpy as np
 
 from retrue.devices.options import RecordOptions
+from retrue.devices.probes import Probes, find_probes
 from retrue.devices.protocols import CameraDriver, CameraFrame, ProjectorDriver
 from retrue.devices.references import References, band_differences, grey_levels, still_noise
 from retrue.devices.shown_pictures import Picture, black_and_white, fine_picture, fitting, mean_light, tag_pictures
-from retrue.devices.stream_pass import Pace, run_pass
+from retrue.devices.shutter import Shutter
+from retrue.devices.shutter_fit import Change, fit_shutter
+from retrue.devices.stream_pass import Pass
 from retrue.errors import DeviceError
-from retrue.geometry.arrays import Image
+from retrue.geometry.arrays import FloatArray, Image
 
 Progress = Callable[[int, int], None]
 
 STILL_FRAMES = 6  # of white and of black, from which their noise is told
-HOLDS = (2, 3, 4)
-DELAYS = (0.0, 0.25, 0.5, 0.75)
-TRIAL = 4  # pictures, black and white in turn
-PERIOD_FRAMES = 16
-MOST_POOR = 3  # passes
-FEW = 4  # pictures that are not worth a pass
+CHANGES = 12  # from black to white and back, from which the shutter is told
+PHASE = 0.382  # of a period, by which each comes later than the one before it
+ARRIVED = 0.03  # of white over black, that a frame may hold of the picture before
+PERIOD_FRAMES = 32
+MOST_POOR = 3  # passes that bring nothing
+MOST = 64  # pictures between two tags
+FEW = 4  # pictures that are worth to find out how quickly they may follow each other
 SHORTEST_PERIOD = 1e-4  # seconds between two frames
 SEEN_CHANGE = 0.1  # of white over black, in some rows, by which a picture differs from what was shown before it
 ALIKE = 1.5  # ratio of the differences of frames that stand still, however noisy they are
@@ -37,17 +42,19 @@ class Recorder:
     Attributes
     ----------
     references : white and black, as the camera saw them last.
-    pace : how pictures can follow each other; None where that is not known yet, or only one after the other is safe.
+    shutter : when the camera exposes which rows; None where that is not known yet, or cannot be told: then only one
+        picture after the other is safe.
     """
 
     camera: CameraDriver
     projector: ProjectorDriver
     options: RecordOptions = field(default_factory=RecordOptions)
     references: References | None = None
-    pace: Pace | None = None
+    shutter: Shutter | None = None
+    _probes: Probes | None = None
     _timed: bool = False
     _turn: int = 0
-    _on_the_way: bool = False
+    _past: list[float] = field(default_factory=list[float])
 
     def record(self, pictures: Sequence[Picture], progress: Progress | None = None) -> list[CameraFrame]:
         """One frame for each picture (h, w) or (h, w, 3), in their order.
@@ -63,12 +70,14 @@ class Recorder:
         if len(wide) >= FEW and not self._timed and not self.camera.triggered:
             self._time()
         found: dict[int, CameraFrame] = {}
-        poor = 0  # passes that brought next to nothing
+        poor = 0  # passes, one after the other, that brought nothing
         while len(found) < len(wide):
-            missing = [index for index in range(len(wide)) if index not in found]
-            if self.pace is not None and len(missing) >= FEW and poor < MOST_POOR:
-                new = self._pass([wide[index] for index in missing], self.pace)
-                poor = 0 if len(new) >= FEW else poor + 1
+            missing = [index for index in range(len(wide)) if index not in found][:MOST]
+            if self.shutter is not None and poor < MOST_POOR:
+                new = self._pass([wide[index] for index in missing], self.shutter)
+                poor = 0 if new else poor + 1
+                if poor == 1:  # the camera's time may have changed
+                    self._time()
             else:
                 new = {0: self._record_alone(wide[missing[0]], f"picture {missing[0] + 1} of {len(wide)}")}
             found |= {missing[index]: frame for index, frame in new.items()}
@@ -89,7 +98,7 @@ class Recorder:
             return None
         noise = still_noise(still)
         self.references = References(still[-1], np.zeros_like(still[-1]), (), noise, noise, self.options.agree_levels)
-        self.pace, self._timed = None, False
+        self.shutter, self._timed = None, False
         found = [frames[-1]]
         for picture in (*wide[1:], wide[0]):
             base = grey_levels(found[-1].picture)
@@ -113,8 +122,32 @@ class Recorder:
         excess = max(self.references.excess(one, other) for one, other in pairwise(still))
         if excess > 1:  # a camera that compresses its pictures is noisier where there is more in them
             self.references = self.references.louder(excess)
-        self.pace = self._find_pace(self._period())
+        self._probes = find_probes(self.references)
+        self.shutter = fit_shutter(self._changes(self._probes), self._probes, self._period(), self.camera.exposure_ms)
         self._timed = True
+
+    def _changes(self, probes: Probes) -> list[Change]:
+        """Frames in which black and white follow each other, at all phases of the camera's period."""
+        black, white = black_and_white(self.projector.size)
+        self._still(black)
+        changes, period = list[Change](), self._period()
+        last = self.camera.frame()
+        for turn in range(CHANGES):
+            to_white = turn % 2 == 0
+            at = self.projector.show(white if to_white else black, last.at + (turn * PHASE) % 1 * period)
+            frames, shares = [last], [0.0]
+            while len(frames) <= self.options.max_lag_frames and not (len(shares) > 1 and min(shares[-2:]) == 1):
+                last = self.camera.frame()
+                light = probes.light(probes.of(grey_levels(last.picture)), 1.0)[probes.lit].mean(axis=1)
+                light = light if to_white else 1 - light
+                frames.append(last)
+                shares.append(1.0 if (light > 1 - ARRIVED).all() else 0.0 if (light < ARRIVED).all() else 0.5)
+            first = max(index for index, share in enumerate(shares) if share == 0)
+            if shares[-1] == 1:
+                frames = frames[first:-1]
+                seen = np.array([probes.of(grey_levels(frame.picture)) for frame in frames])
+                changes.append(Change(at, to_white, [frame.at for frame in frames], seen))
+        return changes
 
     def _look(self, black: Picture, white: Picture) -> None:
         """At both: what they look like, and their noise."""
@@ -131,28 +164,26 @@ class Recorder:
         self.references = looked
 
     def _period(self) -> float:
-        """Between two frames, though some may be lost or late."""
-        times = [self.camera.frame().at for _ in range(PERIOD_FRAMES)]
-        steps = np.diff(times)
-        usual = max(float(np.median(steps)), float(steps.mean()) / 2, SHORTEST_PERIOD)
-        return float(steps.sum() / np.maximum(np.round(steps / usual), 0).sum())
+        """Between two frames, though some may be lost or late: the one that most arrivals are a multiple of apart."""
+        times = np.array([self.camera.frame().at for _ in range(PERIOD_FRAMES)])
+        usual = max(float(times[-1] - times[0]) / (len(times) - 1), SHORTEST_PERIOD)
+        periods = usual * np.arange(0.7, 1.15, 0.1 / PERIOD_FRAMES)
+        turns = np.exp(2j * np.pi * (times - times[0]) / periods[:, None]).sum(axis=1)
+        best = int(np.abs(turns).argmax())
+        counts = cast("FloatArray", np.round((times - times[0]) / periods[best]))
+        return float(np.polyfit(counts, times, 1)[0])
 
-    def _pass(self, pictures: Sequence[Picture], pace: Pace) -> dict[int, CameraFrame]:
+    def _pass(self, pictures: Sequence[Picture], shutter: Shutter) -> dict[int, CameraFrame]:
         assert self.references is not None
+        assert self._probes is not None
         self._turn += 1
-        self._on_the_way = True
-        lag = self.options.max_lag_frames
-        return run_pass(self.camera, self.projector, self.references, pictures, pace, lag, self._turn)
-
-    def _find_pace(self, period: float) -> Pace | None:
-        """The quickest at which a trial loses nothing, changing pictures when no row is exposed where that can be."""
-        trial = black_and_white(self.projector.size) * (TRIAL // 2)
-        for hold in (self.options.hold_frames,) if self.options.hold_frames else HOLDS:
-            paces = [Pace(period, hold, delay) for delay in DELAYS]
-            good = [len(self._pass(trial, pace)) == TRIAL for pace in paces]
-            if any(good):
-                return paces[_middle(good)]
-        return None
+        noise = max(self.references.white_noise.max(), self.references.black_noise.max()) / self.references.contrast
+        devices = self.camera, self.projector, self.references, self._probes, shutter
+        options = self.options
+        found, self._past = Pass(*devices, options.hold_frames, options.max_lag_frames, float(noise)).run(
+            pictures, self._turn, self._past
+        )
+        return found
 
     def _record_alone(self, picture: Picture, name: str) -> CameraFrame:
         """Show what differs most, wait for it, show the picture, and wait until it stands still."""
@@ -160,9 +191,9 @@ class Recorder:
         if self.camera.triggered:
             return self._trigger(picture, name)
         black, white = black_and_white(self.projector.size)
-        if self._on_the_way:  # what the last pass showed
+        if self._past:  # what the last pass showed is on its way
             self._still(black)
-            self._on_the_way = False
+            self._past = []
         for attempt in range(self.options.attempts):
             # White first where the picture is dark; then the other: perhaps the camera does not see where they differ.
             if (mean_light(picture) < 0.25) == (attempt % 2 == 0):
@@ -224,20 +255,3 @@ class Recorder:
     def _matches(self, frame: Image, reference: Image) -> bool:
         assert self.references is not None
         return self.references.matches(frame, reference)
-
-
-def _middle(good: Sequence[bool]) -> int:
-    """Of the longest run of delays that do, in the round, the one in its middle.
-
-    >>> _middle([True, False, False, True]), _middle([False, True, True, True])
-    (3, 2)
-    """
-    count = len(good)
-    runs = [
-        (length, start)
-        for start in range(count)
-        for length in range(1, count + 1)
-        if all(good[(start + step) % count] for step in range(length))
-    ]
-    length, start = max(runs, key=lambda run: (run[0], -run[1]))
-    return (start + (length - 1) // 2) % count

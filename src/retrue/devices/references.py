@@ -55,12 +55,16 @@ class References:
 
     def excess(self, one: Image, other: Image, drift: float = 0.0) -> float:
         """How many times as much two frames differ as two of one thing may, in the band where it is most."""
+        return float(np.max(self.excesses(one, other, drift)))
+
+    def excesses(self, one: Image, other: Image, drift: float = 0.0) -> FloatArray:
+        """(BANDS,) the same of each band."""
         dark, bright = self._ends
         with np.errstate(divide="ignore", invalid="ignore"):
             share = np.clip(np.nan_to_num((band_means(one) - dark) / (bright - dark)), 0, 1)
         noise = np.sqrt((1 - share) * self.black_noise**2 + share * self.white_noise**2)
         allowed = NOISE_FACTOR * noise + self.agree_levels + drift * np.abs(bright - dark)
-        return float(np.max(band_differences(one, other) / allowed))
+        return band_differences(one, other) / allowed
 
     def louder(self, factor: float) -> References:
         """The same of pictures whose noise is that many times as large."""

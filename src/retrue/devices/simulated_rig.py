@@ -16,6 +16,7 @@ from retrue.devices.options import SimulatedOptions
 from retrue.devices.protocols import CameraFrame, Size
 from retrue.devices.simulated_light import Exposed, Sensor, SimulatedLight, share_of_rows
 from retrue.errors import DeviceError
+from retrue.geometry.arrays import FloatArray
 from retrue.geometry.camera import Camera
 from retrue.geometry.transform import RigidTransform
 from retrue.rig import Rig
@@ -52,10 +53,16 @@ class SimulatedFrame(CameraFrame):
     ----------
     shown : the picture that it shows, or shows most of.
     foreign : largest share of a row's light that is that of another picture.
+    parts : (picture, (rows,) its share of each row's light) of all that are in it.
     """
 
     shown: NDArray[np.uint8]
     foreign: float
+    parts: Sequence[tuple[NDArray[np.uint8], FloatArray]] = ()
+
+    def share_of(self, picture: NDArray[np.uint8]) -> FloatArray:
+        """(rows,) how much of each row's light is that picture's."""
+        return np.sum([share for other, share in self.parts if np.array_equal(other, picture)], axis=0)
 
 
 class SimulatedRig:
@@ -145,7 +152,9 @@ class SimulatedRig:
             picture, shown, foreign = self._sensor.frame(
                 list(self._shown), shares, exposure * 1000 / self.options.bright_ms
             )
-        return SimulatedFrame(picture, arrival, shown, foreign)
+            held = zip(self._shown, shares, strict=True)
+            parts = [(exposed.picture, share) for exposed, share in held if share.max() > 0]
+        return SimulatedFrame(picture, arrival, shown, foreign, parts)
 
     def _change(self, rig: Rig, board: HeldBoard | int | None = None) -> None:
         world = SimulatedLight(rig, self.options, self._world.board if board is None else board)

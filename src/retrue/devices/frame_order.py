@@ -1,0 +1,219 @@
+"""Which exposure each frame of a camera is of, told by what is in it, however late it comes and whatever is lost.
+
+What was shown when, and the shutter, say how much of each picture is in each row of exposure n. A frame that is taken
+for that exposure must be that mixture of what the frames before it tell of these pictures, of which nothing else is
+known: per band a linear model with normal priors, whose likelihood a Kalman filter gives frame by frame. All numberings
+that are worth it are followed side by side, the best one to each number kept (Viterbi).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+
+from retrue.devices.probes import Probes
+from retrue.devices.shutter import Shutter
+from retrue.geometry.arrays import FloatArray
+
+SIGMA = 0.03  # of white over black: what a frame may be off the mixture, its noise apart
+PRIOR = 0.5, 0.5  # mean and sigma of a pixel of a picture that is not known
+KNOWN = 0.05  # sigma of one that is
+INDEPENDENT = 3.0  # of the pixels of a band: neighbours tell the same
+LOST = 3.0  # nats that each lost frame costs
+UNUSUAL = 0.5  # nats for each frame by which all come later, or sooner, than they did
+FAR = 300.0  # nats, at most, that a frame costs by its time of arrival
+WORTH = 40.0  # nats behind the best numbering, up to which others are followed
+SURE = 15.0  # nats by which a numbering must beat any other one
+MOST_LOST = 3  # frames in a row, beyond those that the arrivals tell of
+FITS = 9.0  # mean square of what a frame is off, in sigmas, up to which it is what it is taken for
+TOUCHED = 0.02  # share of a row's light from which a picture counts as in it
+
+
+@dataclass(slots=True)
+class Shows:
+    """What was shown, one after the other, and since when.
+
+    Attributes
+    ----------
+    at : when each came on; the first, which nobody knows, before all.
+    known : (BANDS, PROBES) what it looks like, or None.
+    same : whether it is the same as the one before it.
+    """
+
+    at: list[float] = field(default_factory=lambda: [-np.inf])
+    known: list[FloatArray | None] = field(default_factory=lambda: [None])
+    same: list[bool] = field(default_factory=lambda: [False])
+
+    def add(self, at: float, known: FloatArray | None = None, same: bool = False) -> None:
+        self.at.append(at)
+        self.known.append(known)
+        self.same.append(same)
+
+    def off(self, index: int) -> float:
+        """When the next one came on."""
+        return self.at[index + 1] if index + 1 < len(self.at) else np.inf
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Placed:
+    """A frame that is taken for one exposure, and those before it.
+
+    Attributes
+    ----------
+    index : of the frame, from 0. `number` : of its exposure.
+    first : the first picture that may be in it. `shares` : (BANDS, pictures) from that one on.
+    off : (BANDS,) mean square of what it is off, in sigmas.
+    doubtful : indices of frames that another numbering, which leads here and is nearly as good, numbers otherwise.
+    """
+
+    index: int
+    number: int
+    first: int
+    shares: FloatArray
+    off: FloatArray
+    before: Placed | None
+    doubtful: frozenset[int] = frozenset()
+
+    def back(self) -> Iterator[Placed]:
+        """This one, and all before it."""
+        placed: Placed | None = self
+        while placed is not None:
+            yield placed
+            placed = placed.before
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Numbering:
+    score: float
+    last: Placed
+    mean: FloatArray  # (BANDS, pictures, PROBES), from picture `last.first` on
+    covariance: FloatArray  # (BANDS, pictures, pictures), of each probe
+
+
+class FrameOrder:
+    """Takes the frames one by one."""
+
+    def __init__(self, shutter: Shutter, probes: Probes, shows: Shows, noise: float, max_lag: int) -> None:
+        self.shutter, self.probes, self.shows = shutter, probes, shows
+        self._variance, self._max_lag = SIGMA**2 + noise**2, max_lag
+        self._alive: list[_Numbering] = []
+        self._arrived = 0.0
+        self._count = 0
+
+    @property
+    def best(self) -> Placed | None:
+        """The last frame, as the best numbering has it."""
+        return self._alive[0].last if self._alive else None
+
+    def settled(self) -> tuple[Placed | None, int]:
+        """The last frame that all numberings which are still followed share; and where the next one is at least."""
+        if not self._alive:
+            return None, 0
+        heads = [numbering.last for numbering in self._alive]
+        nexts = [head.number for head in heads]
+        while any(head is not heads[0] for head in heads):
+            latest = max(head.index for head in heads)
+            for place, head in enumerate(heads):
+                if head.index == latest:
+                    if head.before is None:
+                        return None, 0
+                    heads[place], nexts[place] = head.before, head.number
+        return heads[0], min(nexts)
+
+    def add(self, levels: np.ndarray, arrival: float) -> None:
+        """The next frame."""
+        seen = self.probes.light(self.probes.of(levels), self.shutter.gamma)
+        found = dict[int, list[_Numbering]]()
+        if not self._count:
+            latest = int(np.floor((arrival - self.shutter.start - self.shutter.lag[0]) / self.shutter.period + 0.5))
+            for lag in range(-self._max_lag, self._max_lag + 1):  # later, or sooner, than when the shutter was told
+                found[latest - lag] = [self._placed(None, latest - lag, UNUSUAL * abs(lag), seen)]
+        else:
+            gap = (arrival - self._arrived) / self.shutter.period
+            for numbering in self._alive:
+                for step in sorted({*range(1, 2 + MOST_LOST), max(1, round(gap)), max(1, round(gap) + 1)}):
+                    cost = min(0.5 * ((gap - step) / self.shutter.spread) ** 2, FAR) + LOST * (step - 1)
+                    number = numbering.last.number + step
+                    found.setdefault(number, []).append(self._placed(numbering, number, cost, seen))
+        kept = list[_Numbering]()
+        for rivals in found.values():
+            rivals.sort(key=lambda one: -one.score)
+            kept.append(_doubted(rivals))
+        kept.sort(key=lambda one: -one.score)
+        self._alive = [one for one in kept if one.score >= kept[0].score - WORTH]
+        self._arrived = arrival
+        self._count += 1
+
+    def end(self) -> None:
+        """No more frames: what other numberings, as good as the best, say otherwise is doubtful."""
+        self._alive = [_doubted(self._alive)]
+
+    def _placed(self, before: _Numbering | None, number: int, cost: float, seen: FloatArray) -> _Numbering:
+        """The filter's step: that frame taken for that exposure."""
+        shutter, probes, shows = self.shutter, self.probes, self.shows
+        begin = shutter.begins(number, probes.middle)
+        at: FloatArray = np.array(shows.at)
+        low = max(int(np.searchsorted(at, begin.min(), side="right")) - 1, before.last.first if before else 0)
+        high = max(int(np.searchsorted(at, begin.max() + shutter.exposure, side="left")), low + 1)
+        if before is not None:
+            high = max(high, before.last.first + before.mean.shape[1])
+        shares = shutter.shares(number, probes.middle, at[low:high])
+        if high < len(at):  # the last of them ends
+            shares[:, -1] = shutter.shares(number, probes.middle, at[low : high + 1])[:, -2]
+        mean, covariance = self._known(before, low, high)
+        gained = np.einsum("bij,bj->bi", covariance, shares)
+        variance = np.einsum("bi,bi->b", gained, shares) + self._variance
+        error = seen - np.einsum("bi,bip->bp", shares, mean)
+        off = np.square(error).mean(axis=1) / variance
+        lit = probes.lit
+        score = -0.5 * INDEPENDENT * float((np.log(variance[lit]) + np.minimum(off[lit], 100.0)).sum())
+        gain = gained / variance[:, None]
+        return _Numbering(
+            (before.score if before else 0.0) + score - cost,
+            Placed(self._count, number, low, shares, off, before.last if before else None),
+            mean + gain[:, :, None] * error[:, None, :],
+            covariance - gain[:, :, None] * gained[:, None, :],
+        )
+
+    def _known(self, before: _Numbering | None, low: int, high: int) -> tuple[FloatArray, FloatArray]:
+        """What is known of the pictures from `low` to `high`."""
+        bands, probes = self.probes.index.shape
+        count, kept = high - low, 0
+        mean = np.full((bands, count, probes), PRIOR[0])
+        covariance = np.zeros((bands, count, count))
+        covariance[:, range(count), range(count)] = PRIOR[1] ** 2
+        for index in range(low, high):
+            known = self.shows.known[index]
+            if known is not None:
+                mean[:, index - low] = known
+                covariance[:, index - low, index - low] = KNOWN**2
+        if before is not None and before.last.first + before.mean.shape[1] > low:
+            kept = before.last.first + before.mean.shape[1] - low
+            skip = low - before.last.first
+            mean[:, :kept] = before.mean[:, skip:]
+            covariance[:, :kept, :kept] = before.covariance[:, skip:, skip:]
+        for new in range(max(kept, 1), count):
+            if self.shows.same[low + new]:
+                mean[:, new] = mean[:, new - 1]
+                covariance[:, new] = covariance[:, new - 1]
+                covariance[:, :, new] = covariance[:, :, new - 1]
+                covariance[:, new, new] = covariance[:, new - 1, new - 1]
+        return mean, covariance
+
+
+def _doubted(rivals: Sequence[_Numbering]) -> _Numbering:
+    """The first of them, sorted, with the frames marked that others, nearly as good, number otherwise."""
+    best, doubtful = rivals[0], set[int]()
+    for rival in rivals[1:]:
+        if best.score - rival.score >= SURE:
+            break
+        for mine, theirs in zip(best.last.back(), rival.last.back(), strict=True):
+            if mine is theirs:
+                break
+            if mine.number != theirs.number:
+                doubtful.add(mine.index)
+    if not doubtful:
+        return best
+    return replace(best, last=replace(best.last, doubtful=best.last.doubtful | doubtful))

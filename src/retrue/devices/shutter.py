@@ -1,0 +1,76 @@
+"""When a camera exposes which rows.
+
+Row y (0 the first, 1 the last) of frame n is exposed from
+
+    start + n * period + readout * y
+
+on, for `exposure` seconds, on the clock of the projector. A row of a frame in which a picture comes on at time c holds
+the share
+
+    share = clip((start + n * period + readout * y + exposure - c) / exposure, 0, 1)
+
+of the new picture's light, and what is left of the old one's.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from retrue.geometry.arrays import FloatArray
+
+MARGIN = 0.03  # of a period, that a row's exposure must be clear of a change
+
+
+@dataclass(frozen=True, slots=True)
+class Shutter:
+    """When each row is exposed; times in seconds.
+
+    Attributes
+    ----------
+    start : when the first row of frame 0 begins to be exposed. `period` : from frame to frame.
+    readout : from the first row to the last; negative where it runs upwards.
+    exposure : of each row.
+    gamma : picture = light ^ (1 / gamma).
+    lag : (least, most) from the begin of a frame to its arrival. `spread` : by which that varies, in periods.
+    """
+
+    start: float
+    period: float
+    readout: float
+    exposure: float
+    gamma: float = 1.0
+    lag: tuple[float, float] = (0.0, 0.0)
+    spread: float = 0.1
+
+    def begins(self, number: int, rows: FloatArray) -> FloatArray:
+        """When those rows (0 to 1) of that frame begin to be exposed.
+
+        >>> Shutter(1.0, 0.1, 0.05, 0.02).begins(2, np.array([0, 0.5, 1])).round(3).tolist()
+        [1.2, 1.225, 1.25]
+        """
+        return self.start + number * self.period + self.readout * rows
+
+    def shares(self, number: int, rows: FloatArray, changes: FloatArray) -> FloatArray:
+        """(rows, pictures) share of each row's light that is of each picture, which come on at those times.
+
+        >>> Shutter(1.0, 0.1, 0.05, 0.02).shares(0, np.array([0, 1]), np.array([-np.inf, 1.015])).round(3).tolist()
+        [[0.75, 0.25], [0.0, 1.0]]
+        """
+        begin = self.begins(number, rows)[:, None]
+        ends = np.append(changes[1:], np.inf)
+        return np.clip(np.minimum(ends, begin + self.exposure) - np.maximum(changes, begin), 0, None) / self.exposure
+
+    def whole(self, number: int, edges: FloatArray, on: float, off: float) -> NDArray[np.bool_]:
+        """(BANDS,) whether all rows of each band hold nothing but what was shown from `on` to `off`."""
+        begin, margin = self.begins(number, edges), MARGIN * self.period
+        return np.asarray(((begin >= on + margin) & (begin + self.exposure <= off - margin)).all(axis=1))
+
+    def seen_by(self, on: float, edges: FloatArray) -> float:
+        """When every band has been exposed as a whole to what came on then."""
+        margin = MARGIN * self.period
+        offset = np.sort(self.readout * edges, axis=1)
+        number = np.ceil((on + margin - self.start - offset[:, 0]) / self.period - 1e-9)
+        return float((self.start + number * self.period + offset[:, 1]).max() + self.exposure + margin)
