@@ -155,8 +155,8 @@ class FrameOrder:
         shutter, probes, shows = self.shutter, self.probes, self.shows
         begin = shutter.begins(number, probes.middle)
         at: FloatArray = np.array(shows.at)
-        low = max(int(np.searchsorted(at, begin.min(), side="right")) - 1, before.last.first if before else 0)
-        high = max(int(np.searchsorted(at, begin.max() + shutter.exposure, side="left")), low + 1)
+        low = max(int(np.searchsorted(at, float(begin.min()), side="right")) - 1, before.last.first if before else 0)
+        high = max(int(np.searchsorted(at, float(begin.max()) + shutter.exposure, side="left")), low + 1)
         if before is not None:
             high = max(high, before.last.first + before.mean.shape[1])
         shares = shutter.shares(number, probes.middle, at[low:high])

@@ -62,7 +62,7 @@ def find_probes(references: References) -> Probes:
     white, black = (
         picture.reshape(*picture.shape[:2], -1).astype(np.float64) for picture in (references.white, references.black)
     )
-    height, width = white.shape[:2]
+    height, width = int(white.shape[0]), int(white.shape[1])
     contrast = (white - black).sum(axis=2)
     contrast[white.max(axis=2) > SATURATED] = 0
     parts: list[NDArray[np.intp]] = np.array_split(np.arange(height), BANDS)
