@@ -178,7 +178,10 @@ def parts_apart(posterior: Posterior, part: Part | None, missed: FloatArray) -> 
 
 
 def differing_capture(measured: Measured, rays: Rays, answer: Posterior) -> tuple[int, float] | None:
-    """The capture whose own pose is furthest from the joint one, in its own sigma; None where there is only one."""
+    """The capture whose own pose is furthest from the joint one, in its own sigma; None where there is only one.
+
+    Infinitely far is one that was set aside whole: hardly a point of it agrees with the joint pose.
+    """
     captures = int(rays.capture.max()) + 1
     if captures < 2:
         return None
@@ -186,7 +189,10 @@ def differing_capture(measured: Measured, rays: Rays, answer: Posterior) -> tupl
     prior = replace(answer.prior, kept=None, together=None)  # each follows the lenses' errors in its own way
     furthest = (0, 0.0)
     for capture in range(captures):
-        part = replace(measured, aside=None).select(rays.capture == capture)  # all of them may be of another pose
+        mine = rays.capture == capture
+        if np.count_nonzero(mine & answer.fit.explained) < FEWEST_OF_A_PART <= np.count_nonzero(mine):
+            return capture, np.inf
+        part = replace(measured, aside=None).select(mine)  # all of them may be of another pose
         try:
             own = fit_posterior(part, answer.parameters, prior, 4)
             difference = joint.difference(own.pose)

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from math import isinf
 
 from retrue.answers import Reason
 from retrue.correspondences import Correspondences
@@ -155,14 +156,18 @@ class PartsContradict(Reason):
 
 @dataclass(frozen=True, slots=True)
 class CapturesDiffer(Reason):
-    """The captures do not share a pose; which one differs most from the others, counted from 1."""
+    """The captures do not share a pose; which one differs most from the others, counted from 1.
+
+    `deviations` in sigma; infinite where hardly a point of it agrees with the others' pose.
+    """
 
     capture: int
     deviations: float
 
     def __str__(self) -> str:
+        off = "has no point in common with" if isinf(self.deviations) else f"is {self.deviations:.0f} sigma off"
         return (
-            f"the captures do not share a pose: number {self.capture} is {self.deviations:.0f} sigma off the others;"
+            f"the captures do not share a pose: number {self.capture} {off} the others;"
             " did the rig move between them? then recalibrate on each by itself"
         )
 

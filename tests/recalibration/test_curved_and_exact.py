@@ -1,0 +1,81 @@
+"""What passes for planes and is none, and points that are more exact than the lenses."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from retrue.correspondences import Correspondences
+from retrue.geometry.camera import Camera
+from retrue.geometry.transform import direction_angle, rotation_angle
+from retrue.recalibration import reasons
+from retrue.recalibration.recalibrate import recalibrate
+from retrue.recalibration.result import Accepted, Refused
+from retrue.recalibration.swapped import exchanged
+from retrue.rig import Rig
+from tests.recalibration.scenes import CAMERA, POSE, RIG, SIDE_WALL, SPHERE, WALL, Scene, bumped, capture
+
+OLD = bumped(RIG, [2, 5, -1], [0, 4, 0])
+BALL = Scene(planes=[], spheres=[(np.array([0.0, 0.0, 1.6]), 0.5)])
+
+
+def off_deg(result: Accepted) -> tuple[float, float]:
+    pose = result.evidence.pose
+    assert pose is not None
+    return float(np.degrees(rotation_angle(pose.R @ POSE.R.T))), float(np.degrees(direction_angle(pose.t, POSE.t)))
+
+
+@pytest.mark.parametrize("noise", [0.02, 0.1])
+@pytest.mark.parametrize("seed", [0, 1])
+def test_a_ball_is_no_bowed_plane(noise: float, seed: int) -> None:
+    result = recalibrate(OLD, [capture(BALL, noise=noise, seed=seed)])
+    assert isinstance(result, Accepted), result.reason
+    assert result.evidence.sigma is not None
+    rotation, translation = off_deg(result)
+    assert rotation < max(0.2, 4 * result.evidence.sigma.rotation_deg)
+    assert translation < max(0.2, 4 * result.evidence.sigma.translation_deg)
+
+
+@pytest.mark.parametrize("shift", [(1.5, -1.0), (-2.0, 1.0), (0.5, 2.0)])
+def test_a_corner_is_one_pose_though_its_points_are_more_exact_than_the_lens(shift: tuple[float, float]) -> None:
+    K = CAMERA.K.copy()
+    K[:2, 2] += shift  # of a principal point that is known to a pixel
+    seen = capture(
+        Scene(planes=[WALL, SIDE_WALL]),
+        rig=Rig(Camera(CAMERA.size, K, CAMERA.distortion), RIG.projector, POSE),
+        noise=0.01,
+    )
+    result = recalibrate(OLD, [seen])
+    assert isinstance(result, Accepted), result.reason
+    assert result.evidence.sigma is not None
+    rotation, translation = off_deg(result)
+    assert rotation < 4 * result.evidence.sigma.rotation_deg
+    assert translation < 4 * result.evidence.sigma.translation_deg
+
+
+def test_a_capture_that_has_nothing_in_common_with_the_others_is_named() -> None:
+    moved = bumped(RIG, [0, 12, 5], [0, 20, 0])
+    scene = Scene(spheres=[SPHERE])
+    captures = [capture(scene), capture(scene, seed=1), capture(scene, rig=moved, seed=2)]
+    result = recalibrate(RIG, captures)
+    assert isinstance(result, Refused)
+    assert isinstance(result.cause, reasons.CapturesDiffer), result.reason
+    assert result.cause.capture == 3
+
+
+def test_no_point_in_common_is_said_so() -> None:
+    assert "number 2 has no point in common with the others" in str(reasons.CapturesDiffer(2, np.inf))
+    assert "number 2 is 12 sigma off the others" in str(reasons.CapturesDiffer(2, 12.3))
+
+
+def test_exchanged_devices_are_named_where_a_part_fits_better_as_it_is() -> None:
+    """Exchanged, all points agree, but more loudly: their noise was that of the other device."""
+    square = Camera((1280, 960), [[1500, 0, 640], [0, 1500, 480], [0, 0, 1]])
+    rig = Rig(square, square, POSE, "m")
+    seen = capture(Scene(planes=[WALL, SIDE_WALL], spheres=[SPHERE]), rig=rig, noise=0.2)
+    backwards: Correspondences = exchanged(replace(seen, projector_sigma_px=np.full(len(seen), 0.1)))
+    result = recalibrate(rig, [backwards])
+    assert isinstance(result, Refused)
+    assert isinstance(result.cause, reasons.DevicesExchanged), result.reason
