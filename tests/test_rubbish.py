@@ -90,6 +90,7 @@ def calls() -> dict[str, Mapping[str, Any]]:
         "triangulate": {"projector_from_camera": rig.projector_from_camera, "camera_rays": [[0, 0.0]]}
         | {"projector_rays": [[0.1, 0]], "camera_sigma": 1.0, "projector_sigma": 1.0},
         "verify": {"rig": rig, "captures": [points]},
+        "view_html": {"rig": rig, "before": None, "most": 1000},
         "warp": {"rig": rig, "cloud": cloud, "picture_size": (64, 48), "view": None, "view_from_camera": None}
         | {"rectangle": None},
         "warped_picture": {"warp": warp, "picture": PICTURE},

@@ -91,7 +91,7 @@ def pixel_displacement(rig: Rig, distance: float) -> float:
     >>> camera = Camera((640, 480), [[800, 0, 320], [0, 800, 240], [0, 0, 1]])
     >>> rig = Rig(camera, camera, RigidTransform(np.eye(3), [-100.0, 0, 0]))
     >>> round(pixel_displacement(rig, 1000.0), 1)  # Z^2 / (f b), and across the ray
-    13.4
+    12.9
     """
     moved: list[float] = []
     for axis in (0, 1):

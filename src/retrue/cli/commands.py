@@ -51,7 +51,7 @@ EXAMPLES: dict[str, tuple[str, ...]] = {
     "scale": (
         "retrue scale rig.json scene.jpg --pattern pattern.json \\\n"
         "      --known points:120mm --click 412 300 655 310 --out scaled.json",
-        "retrue scale rig.json cloud.ply --known sphere:25.4mm --at 12.1 -40.3 812 --out scaled.json",
+        "retrue scale rig.json cloud.ply --known sphere:25.4mm \\\n      --at 12.1 -40.3 812 --out scaled.json",
     ),
     "view": ("retrue view rig.json cloud.ply",),
     "studio": ("retrue studio --simulated", "retrue studio setup.toml --port 8090"),

@@ -317,7 +317,7 @@ def better_without_planes(posterior: Posterior, noise: float, rng: np.random.Gen
 def _explains_more(alone: Posterior, posterior: Posterior) -> bool:
     """Whether more points share the pose without planes, most of them, hardly louder."""
     level = posterior.fit.epipolar_noise.level
-    near = np.abs(epipolar_residuals(posterior.pose, alone.points)) < CUTOFF * level
+    near = np.abs(epipolar_residuals(posterior.pose, posterior.points)) < CUTOFF * level
     aside = posterior.measured.aside
     explained = int(np.count_nonzero(near if aside is None else near & ~aside))
     enough = max(explained + FEWEST_ELSEWHERE, MOST * len(near))

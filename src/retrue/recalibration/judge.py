@@ -164,6 +164,9 @@ def judge(rig: Rig, captures: Sequence[Correspondences], options: RecalibrateOpt
         homographies = [H for H, gone in zip(homographies, curved, strict=True) if not gone]
         starts = [fit.parameters.without_planes(curved) for fit in posteriors]
         starts += [Parameters.of(fit.pose) for fit in free]
+        if not free:  # those poses were of planes that are none
+            fits = refined_poses(starting_poses(few.points, homographies, old, noise, rng), Support.of(few), rng)
+            starts += [Parameters.of(fit.pose) for fit in _foremost(fits, few.points)]
     start = best.parameters
     if lens.verdict == "changed" and options.lens == "refit" and lens.posterior is not None:
         best, rivals = ranked([lens.posterior, *lens.others], measured, few, light, old, part, rng)

@@ -201,6 +201,9 @@ def ranked(
             return best, rivals
         beaten.append((strongest.margin, best, rivals))
         best = strongest.posterior
+        alike = [fit for fit in posteriors if same_answer(best, fit.pose)]
+        if alike and not any(best is fit for fit in posteriors):  # a twin as it stands, which was also fitted
+            best = _least(alike, alike, measured)
         if any(best is one for _, one, _ in beaten):  # each beats another in turn: the one that is beaten by least
             return max(beaten, key=lambda one: one[0])[1:]
 
@@ -257,7 +260,7 @@ def _point_evidence(
     A sum that a few points make, as chance would have it, counts less. Of a plane that both fit, the difference counts
     that is larger than what no model explains of a real wall, nor a slow error that one of them takes for a bow.
     """
-    shared, floor = _shared_plane(best, rival, measured), Floor.of([best, best.eased, rival, eased])
+    shared, floor = _shared_plane(best, rival, measured), Floor.of([best, rival])
     lost, price, parts = _cheaper((rival, eased), floor, measured, part, ~shared)
     held, own_price, own_parts = _cheaper((best, best.eased), floor, measured, part, ~shared)
     elsewhere = (lost - held)[~shared]

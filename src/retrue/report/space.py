@@ -17,12 +17,13 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from retrue.errors import InputError, require_kinds
+from retrue.errors import InputError, require_kind, require_kinds
 from retrue.geometry.arrays import FloatArray
 from retrue.geometry.camera import Camera
 from retrue.geometry.transform import RigidTransform
+from retrue.ranges import require_number
 from retrue.reconstruction.cloud import Cloud, Mesh
-from retrue.rig import Rig
+from retrue.rig import Rig, require_rig
 
 MOST_POINTS = 2_000_000  # of a layer; more are thinned evenly, and the page says so
 MOST_FACES = 800_000  # of a mesh; where there are more, its points are shown
@@ -165,6 +166,11 @@ def model_page(
 ) -> str:
     """Models as a page of their own, with the devices of a rig; `before` is compared with the first by a slider."""
     require_kinds(list(models), (Cloud, Mesh), "models", "retrue.reconstruct makes one")
+    require_number(most, "most", 1, whole=True)
+    if rig is not None:
+        require_rig(rig)
+    if before is not None:
+        require_kind(before, Cloud, "before", "retrue.reconstruct makes one")
     layers = [Layer(f"part {k}" if len(models) > 1 else "points", model) for k, model in enumerate(models, 1)]
     if before is not None and models:
         layers = [Layer("before", before, when="before"), Layer("after", models[0], when="after"), *layers[1:]]

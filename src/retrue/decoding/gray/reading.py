@@ -134,7 +134,7 @@ def _read(depth: Depth, rows: range, wanted: BoolArray | None) -> _Reading:
     around, inner = slice(top, bottom), slice(rows.start - top, rows.stop - top)
     contrast, noise = (np.empty((bottom - top, sequence.white.shape[1]), np.float32) for _ in range(2))
     lit: BoolArray = np.empty(contrast.shape, np.bool_)
-    white, black = sequence.white[around], sequence.black[around]
+    white, black = _rows((sequence.white, sequence.black), around)
     kernel.light(white, black, plan.noise_gain, UNDECIDED, contrast, noise, lit.view(np.uint8))
     where = lit if wanted is None else lit & _around(wanted, inner.start, lit.shape[0], halo)
 
@@ -233,7 +233,8 @@ def _coordinates(depth: Depth, reading: _Reading, pixels: NDArray[np.intp]) -> t
 
 
 def _rows(images: Sequence[Image], rows: slice) -> list[Image]:
-    return [image[rows] for image in images]
+    """Of each picture, which may be cut from a larger one."""
+    return [np.ascontiguousarray(image[rows]) for image in images]
 
 
 def _count(mask: BoolArray) -> int:
