@@ -37,6 +37,7 @@ SETTLED = 0.02  # of a squared standard deviation; after such a step about a six
 FLAT = 0.02  # of chi-square: what a damped step gains along a valley where nothing more is to be told
 SLOW = 0.3  # of the noise, that neighbours share
 EASING = 8
+FARTHEST = 5.0  # sigma that lenses move a pose
 MUCH_DAMPING, LARGEST_DAMPING = 0.3, 1e6
 
 
@@ -237,7 +238,11 @@ class Posterior:
         apart = replace(self.measured, support=Support(points, np.tile(np.arange(len(points)), (2, 1))))
         try:
             moved = fit_posterior(apart, self.parameters, prior, EASING)
+            difference = PosePrior(self.pose.R, self.pose.t, np.eye(POSE_PARAMETERS)).difference(moved.pose)
+            length = float(difference @ np.linalg.solve(self.covariance, difference))
         except DegenerateError:
+            return self
+        if not length < FARTHEST**2:  # that is another hypothesis
             return self
         return posterior_at(self.measured, moved.parameters, prior)
 
