@@ -78,3 +78,14 @@ def test_ball_is_made_of_the_points_on_it():
     cloud, _, thing = cloud_of(1)
     assert (thing == BALL).sum() > 200
     assert scale_from_ball(cloud, CLICK, 2 * RADIUS).how.startswith("a ball, ")
+
+
+def test_a_click_beside_the_points_is_not_led_away_by_them():
+    """The nearest points lie on one line there: they tell nothing of the slope across it."""
+    cloud, _, _ = cloud_of(0)
+    edge = cloud.camera_px[np.argmin(cloud.camera_px[:, 0])]
+    with pytest.raises(InputError, match="one point nearest to both clicks"):
+        scale_from_points(cloud, edge - [14, 0], edge - [7, 0], 100.0)
+    inside = cloud.camera_px[np.argmax(cloud.camera_px[:, 0])]
+    near, away = (scale_from_points(cloud, edge - [beside, 0], inside, 100.0).measured for beside in (0, 10))
+    assert away == pytest.approx(near, rel=0.05)

@@ -66,6 +66,8 @@ def scale_from_points(
     _require_length(length, sigma)
     ends = [_clicked(cloud, pixel) for pixel in (first_px, second_px)]
     (a, near), (b, far) = ends
+    if near[0] == far[0]:
+        raise InputError("scale: expected two places, found one point nearest to both clicks")
     apart = a - b
     measured = float(np.linalg.norm(apart))
     if not measured > 0:
@@ -219,11 +221,15 @@ def _clicked(cloud: Cloud, pixel: ArrayLike) -> tuple[FloatArray, IntArray]:
     rows = rows[np.abs(cloud.points[rows, 2] - cloud.points[rows[0], 2]) <= 0.02 * cloud.points[rows[0], 2]]
     weight = _sigmas(cloud)[rows] ** -2.0
     rays = cloud.camera_px[rows] - finite_array(pixel, (2,), "pixel")
-    terms = np.column_stack([np.ones(len(rows)), rays])
-    root = np.sqrt(weight)[:, None]
+    place: FloatArray = weight @ cloud.points[rows] / weight.sum()
+    ray: FloatArray = weight @ rays / weight.sum()
     if len(rows) < 6:
-        return (cloud.points[rows] * weight[:, None]).sum(axis=0) / weight.sum(), rows
-    return np.linalg.lstsq(terms * root, cloud.points[rows] * root, rcond=None)[0][0], rows
+        return place, rows
+    # Centred, what points on one line do not tell of the slope across it is none.
+    root = np.sqrt(weight)[:, None]
+    inverse = cast("FloatArray", np.linalg.pinv((rays - ray) * root, 1e-6))
+    slope: FloatArray = inverse @ ((cloud.points[rows] - place) * root)
+    return place - ray @ slope, rows
 
 
 def _by_distance(cloud: Cloud, pixel: ArrayLike) -> IntArray:
