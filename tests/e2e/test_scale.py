@@ -70,6 +70,9 @@ def test_two_places_of_the_viewer_in_a_cloud(retrue: Retrue, files: Path, tmp_pa
 def test_mistakes_are_named(retrue: Retrue, files: Path, tmp_path: Path) -> None:
     words = [files / "rig.json", files / "balls.csv", "--out", tmp_path / "new.json", "--known"]
     retrue("scale", *words, "plane", "--click", 1, 2).require_complaint("--known", "plane has no length")
+    retrue("scale", *words, "nonsense", "--click", 1, 2).require_complaint(
+        "--known", "points:LENGTH", "found 'nonsense'"
+    )
     retrue("scale", *words, "sphere:60mm").require_complaint("expected --click or --at")
     retrue("scale", *words, "sphere:60mm", "--click", 1, 2, 3).require_complaint("--click", "2 numbers", "found 3")
     retrue("scale", *words, "points:6mm", "--at", 1, 2, 3, 1, 2, -3).require_complaint("--at", "Z above 0")

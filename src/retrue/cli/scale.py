@@ -68,9 +68,12 @@ class Scale(ReportingCommand):
 
         require_writable(self.out)
         kind, _, length = self.known.partition(":")
-        known = parse_artefact(f"sphere:{length}" if kind == "points" else self.known)
-        if known.kind == "plane":
+        if kind == "plane":
             raise InputError("--known: expected points, sphere or spheres, found plane: a plane has no length")
+        if kind not in ("points", "sphere", "spheres"):
+            told = "points:LENGTH, sphere:DIAMETER or spheres:DIAMETER:DISTANCE, such as points:120mm"
+            raise InputError(f"--known: expected {told}, found {self.known!r}")
+        known = parse_artefact(f"sphere:{length}" if kind == "points" else self.known)
         rig = read_rig(self.rig)
         places = self._places(rig, 1 if kind == "sphere" else 2)
         cloud = self._cloud(rig)
