@@ -80,7 +80,7 @@ def test_gradient_and_information_are_those_of_the_cost() -> None:
     where residuals are small against the noise.
     """
     measured, truth = measured_scene("corner", noise=1e-3)
-    held = PosePrior(POSE.R, UNIT, np.eye(5) / np.radians(0.5) ** 2)
+    held = PosePrior(TwoViewPose(POSE.R, UNIT), np.eye(5) / np.radians(0.5) ** 2)
     prior = Prior(stated_prior(RIG, 2e-3, 1.0, 5e-3), free=True, pose=held)
     rng = np.random.default_rng(1)
     here = in_noise_of_a_sigma(posterior_at(measured, truth, prior))

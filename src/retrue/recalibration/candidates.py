@@ -14,19 +14,17 @@ from retrue.geometry.robust import CUTOFF, MAD_TO_SIGMA, quantile
 from retrue.geometry.robust_homography import HYPOTHESES, MOST_HYPOTHESES, largest_plane, local_noise
 from retrue.geometry.two_view import (
     FREE,
-    POSE_PARAMETERS,
     TwoViewPoints,
     TwoViewPose,
     behind,
     epipolar_residuals,
     planes_of_pose,
 )
-from retrue.recalibration.fit import PoseFit, Support, gather, refine, same_pose
+from retrue.recalibration.fit import PoseFit, Support, gather, refine, same_pose, squared_sigmas
 from retrue.recalibration.measured import MISFIT_PX
 from retrue.recalibration.options import RecalibrateOptions
 from retrue.recalibration.posterior import (
     Parameters,
-    PosePrior,
     Posterior,
     Prior,
     fit_posterior,
@@ -48,7 +46,7 @@ MUCH_LOUDER = 2.0
 CLOSE = 2e-3  # of the distance: a drift so small is called improvable
 WORTH_A_PLANE = 1.2  # of the variance of the pose in some direction, without planes: a tenth of sigma
 SCORED_POINTS = 500
-MOST = 0.5
+MOST = 0.5  # of the points: a pose that fewer share may be held together by planes
 FEWEST_FREE = 30  # points off all planes, below which five points tell nothing that planes do not
 
 
@@ -233,8 +231,7 @@ def misleading_plane(posterior: Posterior, lenses: FloatArray) -> BoolArray:
         try:
             measured = posterior.measured.without_planes(gone)
             alone = fit_posterior(measured, posterior.parameters.without_planes(gone), posterior.prior, 6)
-            difference = PosePrior(pose.R, pose.t, np.eye(POSE_PARAMETERS)).difference(alone.pose)
-            deviations[index] = difference @ np.linalg.solve(_of_difference(posterior, alone, lenses), difference)
+            deviations[index] = squared_sigmas(pose, alone.pose, _of_difference(posterior, alone, lenses))
         except DegenerateError:
             continue
     return (deviations > MISLED) & (deviations == deviations.max(initial=0.0))
@@ -260,8 +257,7 @@ def needless_planes(posterior: Posterior, lenses: FloatArray) -> BoolArray:
     except (DegenerateError, np.linalg.LinAlgError):
         return nothing
     pose, rig = posterior.pose, measured.rig
-    difference = PosePrior(pose.R, pose.t, np.eye(POSE_PARAMETERS)).difference(alone.pose)
-    deviations = float(difference @ np.linalg.solve(_of_difference(posterior, alone, lenses), difference))
+    deviations = squared_sigmas(pose, alone.pose, _of_difference(posterior, alone, lenses))
     distance = working_distance(alone.fit, alone.points, float(np.linalg.norm(rig.projector_from_camera.t)))
     off = sigma_at(distance, alone.statistical_covariance, alone.pose, rig).displacement
     close = distance is not None and off is not None and off < CLOSE * distance
@@ -305,8 +301,7 @@ def better_without_planes(posterior: Posterior, noise: float, rng: np.random.Gen
             if not (quieter(alone, posterior) or _explains_more(alone, posterior)):
                 continue
             alone = improved(alone, 10)
-            difference = PosePrior(pose.R, pose.t, np.eye(POSE_PARAMETERS)).difference(alone.pose)
-            deviations = float(difference @ np.linalg.solve(alone.covariance, difference))
+            deviations = squared_sigmas(pose, alone.pose, alone.covariance)
         except DegenerateError:
             continue
         if deviations > MISLED and (quieter(alone, posterior) or _explains_more(alone, posterior)):

@@ -21,6 +21,7 @@ from retrue.geometry.robust import (
     reweighted_level,
     with_shared_part,
 )
+from retrue.geometry.transform import vector_from_rotation
 from retrue.geometry.two_view import (
     FREE,
     NO_BOWS,
@@ -33,6 +34,7 @@ from retrue.geometry.two_view import (
     residuals,
     solve_normal_equations,
     step_equations,
+    tangent_basis,
 )
 from retrue.recalibration.rays import Rays
 
@@ -177,6 +179,21 @@ def same_pose(a: TwoViewPose, b: TwoViewPose) -> bool:
     """Whether two poses are one solution, found twice."""
     near = np.cos(SAME_POSE)  # tr(A B^T) = 1 + 2 cos of the angle between
     return bool(np.vdot(a.R, b.R) > 1 + 2 * near and a.t @ b.t > near)
+
+
+def pose_difference(pose: TwoViewPose, other: TwoViewPose) -> FloatArray:
+    """(5,) from a pose to another, in the frame of that, see `pose_covariance`; an angle also where t is far off."""
+    across = tangent_basis(other.t).T @ -pose.t
+    sine = float(np.linalg.norm(across))
+    if sine > 0:
+        across = across * (float(np.arctan2(sine, other.t @ pose.t)) / sine)
+    return np.concatenate([vector_from_rotation(other.R @ pose.R.T), across])
+
+
+def squared_sigmas(pose: TwoViewPose, other: TwoViewPose, covariance: FloatArray) -> float:
+    """How far apart two poses are, as a square of sigma (5, 5): chi-square with five degrees of freedom by chance."""
+    difference = pose_difference(pose, other)
+    return float(difference @ np.linalg.solve(covariance, difference))
 
 
 def _levels(found: Residuals, on_plane: int, correction: float) -> tuple[float, float]:

@@ -16,6 +16,7 @@ from retrue.geometry.transform import RigidTransform, direction_angle, rotation_
 from retrue.geometry.two_view import POSE_PARAMETERS, TwoViewPoints, TwoViewPose
 from retrue.recalibration.bows import bow_shapes, measured_scale
 from retrue.recalibration.candidates import (
+    MOST,
     behind,
     better_without_planes,
     check_spread,
@@ -29,7 +30,7 @@ from retrue.recalibration.candidates import (
     twins_of_planes,
     with_planes,
 )
-from retrue.recalibration.fit import PoseFit, Support
+from retrue.recalibration.fit import PoseFit, Support, squared_sigmas
 from retrue.recalibration.lens import LENS_NAMES, LENS_PARAMETERS, stated_prior, wide_prior
 from retrue.recalibration.lens_evidence import LensEvidence, lens_evidence
 from retrue.recalibration.options import RecalibrateOptions
@@ -47,7 +48,6 @@ from retrue.recalibration.parts import (
 from retrue.recalibration.posterior import (
     Measured,
     Parameters,
-    PosePrior,
     Posterior,
     Prior,
     fit_posterior,
@@ -77,7 +77,6 @@ from retrue.rig_difference import pixel_displacement
 
 COMPARED_POINTS = 1500  # enough to tell hypotheses apart; the best is then fitted to all
 LEAST_LEFT = 0.05  # of the points, as many as a plane holds at least
-MOST = 0.5
 HYPOTHESES = 4  # fitted with their lenses; the others explain much less
 
 
@@ -128,8 +127,7 @@ def judge(rig: Rig, captures: Sequence[Correspondences], options: RecalibrateOpt
     check_spread(rays, options)
     rays, homographies = with_planes(rays, float(rig.projector.K[0, 0]), options, rng)
     few = rays.thinned(COMPARED_POINTS, rng)
-    pose = rig.projector_from_camera
-    old = TwoViewPose(pose.R, pose.t / np.linalg.norm(pose.t))
+    old = own_pose(rig)
     noise = match_noise(few.points, rng)
     fits = refined_poses(starting_poses(few.points, homographies, old, noise, rng), Support.of(few), rng)
     tight = stated_prior(rig, options.focal_sigma, options.principal_point_sigma_px, options.k1_sigma)
@@ -175,7 +173,7 @@ def judge(rig: Rig, captures: Sequence[Correspondences], options: RecalibrateOpt
         prior = Prior(lens.prior)
     together = photographs if options.calibrated_together is None else options.calibrated_together
     if together and "lens_covariance" not in rig.evidence and not prior.free:
-        distance = working_distance(best.fit, best.points, float(np.linalg.norm(pose.t)))
+        distance = working_distance(best.fit, best.points, float(np.linalg.norm(rig.projector_from_camera.t)))
         follows = None if distance is None else pose_with_lenses(rig, distance, tight)
         prior = replace(prior, kept=lens.kept, together=follows)
     nobody = np.empty((len(rays), 0), dtype=np.int64)
@@ -298,15 +296,16 @@ def drift(rig: Rig, judgement: Judgement, options: RecalibrateOptions) -> float:
     The nearest explanation counts, of those that the captures do not tell apart.
     """
     own = own_covariance(rig, options)
-    pose = rig.projector_from_camera
-    old = PosePrior(pose.R, pose.t / np.linalg.norm(pose.t), own)
     possible = [judgement.answer]
     possible += [rival.posterior for rival in judgement.rivals if not rival.margin >= options.min_margin]
-    found: list[float] = []
-    for posterior in possible:
-        difference = old.difference(posterior.pose)
-        found.append(float(difference @ np.linalg.solve(posterior.covariance + own, difference)))
-    return float(np.sqrt(min(found)))
+    old = own_pose(rig)
+    return float(np.sqrt(min(squared_sigmas(old, fit.pose, fit.covariance + own) for fit in possible)))
+
+
+def own_pose(rig: Rig) -> TwoViewPose:
+    """As the rig has it, t of length 1."""
+    pose = rig.projector_from_camera
+    return TwoViewPose(pose.R, pose.t / np.linalg.norm(pose.t))
 
 
 def own_covariance(rig: Rig, options: RecalibrateOptions) -> FloatArray:
@@ -326,9 +325,7 @@ def holds(rig: Rig, judgement: Judgement, evidence: Evidence, options: Recalibra
     deviations = drift(rig, judgement, options)
     if evidence.sigma is None or evidence.sigma.displacement is None:
         return False
-    pose = rig.projector_from_camera
-    own = TwoViewPose(pose.R, pose.t / np.linalg.norm(pose.t))
-    known = sigma_at(evidence.working_distance, own_covariance(rig, options), own, rig).displacement
+    known = sigma_at(evidence.working_distance, own_covariance(rig, options), own_pose(rig), rig).displacement
     return known is not None and known <= evidence.sigma.displacement and deviations <= deviations_limit(HELD)
 
 

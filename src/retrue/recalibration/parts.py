@@ -13,7 +13,8 @@ from retrue.geometry.five_points import best_essentials, sampson_squares
 from retrue.geometry.robust import CUTOFF, biweight_level, within_reach_of_mode
 from retrue.geometry.two_view import FREE, POSE_PARAMETERS, TwoViewPoints
 from retrue.recalibration.candidates import behind
-from retrue.recalibration.posterior import Measured, PosePrior, Posterior, fit_posterior
+from retrue.recalibration.fit import squared_sigmas
+from retrue.recalibration.posterior import Measured, Posterior, fit_posterior
 from retrue.recalibration.rays import Rays
 
 FEWEST_OF_A_PART = 15
@@ -185,7 +186,6 @@ def differing_capture(measured: Measured, rays: Rays, answer: Posterior) -> tupl
     captures = int(rays.capture.max()) + 1
     if captures < 2:
         return None
-    joint = PosePrior(answer.pose.R, answer.pose.t, np.eye(POSE_PARAMETERS))
     prior = replace(answer.prior, kept=None, together=None)  # each follows the lenses' errors in its own way
     furthest = (0, 0.0)
     for capture in range(captures):
@@ -195,8 +195,7 @@ def differing_capture(measured: Measured, rays: Rays, answer: Posterior) -> tupl
         part = replace(measured, aside=None).select(mine)  # all of them may be of another pose
         try:
             own = fit_posterior(part, answer.parameters, prior, 4)
-            difference = joint.difference(own.pose)
-            deviations = float(np.sqrt(difference @ np.linalg.solve(own.covariance, difference)))
+            deviations = float(np.sqrt(squared_sigmas(answer.pose, own.pose, own.covariance)))
         except DegenerateError:  # it says nothing by itself
             continue
         if deviations > furthest[1]:

@@ -15,7 +15,6 @@ import numpy as np
 from retrue.errors import DegenerateError
 from retrue.geometry.arrays import BoolArray, FloatArray, IntArray
 from retrue.geometry.robust import COVARIANCE_FACTOR, Noise, total_loss
-from retrue.geometry.transform import vector_from_rotation
 from retrue.geometry.two_view import (
     NO_TURNS,
     POSE_PARAMETERS,
@@ -24,11 +23,10 @@ from retrue.geometry.two_view import (
     corrected_rays,
     solve_normal_equations,
     step_equations,
-    tangent_basis,
 )
 from retrue.recalibration.bows import BOWS
 from retrue.recalibration.chance import without_chance
-from retrue.recalibration.fit import PoseFit, Support, evaluate
+from retrue.recalibration.fit import PoseFit, Support, evaluate, pose_difference, same_pose, squared_sigmas
 from retrue.recalibration.lens import LENS_PARAMETERS, LensPrior
 from retrue.recalibration.measured import Measured
 
@@ -37,7 +35,7 @@ SETTLED = 0.02  # of a squared standard deviation; after such a step about a six
 FLAT = 0.02  # of chi-square: what a damped step gains along a valley where nothing more is to be told
 SLOW = 0.3  # of the noise, that neighbours share
 EASING = 8
-FARTHEST = 5.0  # sigma that lenses move a pose
+WITHIN = 5.0  # sigma
 MUCH_DAMPING, LARGEST_DAMPING = 0.3, 1e6
 
 
@@ -82,21 +80,12 @@ class PosePrior:
 
     Attributes
     ----------
-    R, t : (3, 3) and unit (3,).
+    pose : R and unit t; its planes do not matter.
     precision : (5, 5) inverse covariance, see `pose_covariance`.
     """
 
-    R: FloatArray
-    t: FloatArray
+    pose: TwoViewPose
     precision: FloatArray
-
-    def difference(self, pose: TwoViewPose) -> FloatArray:
-        """(5,) from this pose to another one, in the other's frame; an angle also where t is far off."""
-        across = tangent_basis(pose.t).T @ -self.t
-        sine = float(np.linalg.norm(across))
-        if sine > 0:
-            across = across * (float(np.arctan2(sine, pose.t @ self.t)) / sine)
-        return np.concatenate([vector_from_rotation(pose.R @ self.R.T), across])
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -125,7 +114,7 @@ class Prior:
         """Squared Mahalanobis length of the parameters in it."""
         cost = float(parameters.lens @ self.lens.precision @ parameters.lens) + float((parameters.bows**2).sum())
         if self.pose is not None:
-            difference = self.pose.difference(parameters.pose)
+            difference = pose_difference(self.pose.pose, parameters.pose)
             cost += float(difference @ self.pose.precision @ difference)
         return cost
 
@@ -238,11 +227,9 @@ class Posterior:
         apart = replace(self.measured, support=Support(points, np.tile(np.arange(len(points)), (2, 1))))
         try:
             moved = fit_posterior(apart, self.parameters, prior, EASING)
-            difference = PosePrior(self.pose.R, self.pose.t, np.eye(POSE_PARAMETERS)).difference(moved.pose)
-            length = float(difference @ np.linalg.solve(self.covariance, difference))
+            if not same_answer(self, moved.pose):  # that is another hypothesis
+                return self
         except DegenerateError:
-            return self
-        if not length < FARTHEST**2:  # that is another hypothesis
             return self
         return posterior_at(self.measured, moved.parameters, prior)
 
@@ -302,6 +289,11 @@ class Posterior:
             first = POSE_PARAMETERS + 3 * len(self.pose.planes)
             step = np.concatenate([step[:first], np.zeros(LENSES), step[first:]])
         return step, length
+
+
+def same_answer(best: Posterior, pose: TwoViewPose) -> bool:
+    """Whether a pose is no other explanation: found twice, or one that the sigma of the best holds already."""
+    return same_pose(pose, best.pose) or squared_sigmas(best.pose, pose, best.covariance) < WITHIN**2
 
 
 def _inverse(information: FloatArray) -> FloatArray:
@@ -387,5 +379,5 @@ def _equations(posterior: Posterior, lenses: bool) -> tuple[FloatArray, FloatArr
         gradient[lens] += prior.lens.precision @ parameters.lens
     if prior.pose is not None:
         information[:POSE_PARAMETERS, :POSE_PARAMETERS] += prior.pose.precision
-        gradient[:POSE_PARAMETERS] += prior.pose.precision @ prior.pose.difference(pose)
+        gradient[:POSE_PARAMETERS] += prior.pose.precision @ pose_difference(prior.pose.pose, pose)
     return information, gradient

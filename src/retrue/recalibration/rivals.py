@@ -13,13 +13,13 @@ from retrue.geometry.arrays import BoolArray, FloatArray, IntArray
 from retrue.geometry.nearest import nearest_of_all
 from retrue.geometry.robust import CUTOFF, Noise, biweight_level, biweight_loss
 from retrue.geometry.transform import direction_angle, rotation_angle
-from retrue.geometry.two_view import FREE, POSE_PARAMETERS, TwoViewPose
+from retrue.geometry.two_view import FREE, TwoViewPose
 from retrue.recalibration.candidates import behind, same_pose, twins_of
 from retrue.recalibration.chance import beyond_chance
 from retrue.recalibration.fit import PoseFit
 from retrue.recalibration.light import light_costs, log_irradiance
 from retrue.recalibration.parts import Part, planes_apart, shifted_copy, unexplained
-from retrue.recalibration.posterior import Measured, PosePrior, Posterior, posterior_at
+from retrue.recalibration.posterior import Measured, Posterior, posterior_at, same_answer
 from retrue.recalibration.rays import Rays
 from retrue.rig import Rig
 
@@ -31,7 +31,6 @@ PARAMETER = 12.0  # of chi-square, what a free parameter costs: its range is som
 FEWEST_OF_A_PLANE = 12
 SELDOM = 1.7  # of chi-square, 2 log(.7 / .3): a point of a copy, a mirror, or what moved, is the rarer one
 ROUGH = 0.3  # of chi-square: what bows and lenses that no model holds make of a point on a plane
-WITHIN = 5.0  # sigma of the best
 APART = 10.0  # times the noise: nearer to the line where two planes meet, either may claim a point
 
 
@@ -242,14 +241,6 @@ def _strongest_of_each_pose(rivals: list[Rival]) -> tuple[Rival, ...]:
         if not any(same_pose(rival.posterior.pose, other.posterior.pose) for other in kept):
             kept.append(rival)
     return tuple(kept)
-
-
-def same_answer(best: Posterior, pose: TwoViewPose) -> bool:
-    """Whether a pose is no other explanation: found twice, or one that the sigma of the best holds already."""
-    if same_pose(pose, best.pose):
-        return True
-    difference = PosePrior(best.pose.R, best.pose.t, np.eye(POSE_PARAMETERS)).difference(pose)
-    return float(difference @ np.linalg.solve(best.covariance, difference)) < WITHIN**2
 
 
 def _point_evidence(

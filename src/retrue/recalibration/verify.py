@@ -17,10 +17,10 @@ from retrue.correspondences import Correspondences, require_captures
 from retrue.errors import DegenerateError, require_kind
 from retrue.geometry.arrays import FloatArray
 from retrue.geometry.transform import RigidTransform
-from retrue.geometry.two_view import TwoViewPose, epipolar_residuals, planes_of_pose
+from retrue.geometry.two_view import epipolar_residuals, planes_of_pose
 from retrue.rasters import check_captures, picture_mirrored
 from retrue.recalibration.fit import chi_square
-from retrue.recalibration.judge import Judgement, deviations_limit, drift, judge, objection, own_covariance
+from retrue.recalibration.judge import Judgement, deviations_limit, drift, judge, objection, own_covariance, own_pose
 from retrue.recalibration.options import RecalibrateOptions, VerifyOptions
 from retrue.recalibration.posterior import PosePrior, Prior, fit_posterior
 from retrue.recalibration.reasons import (
@@ -126,14 +126,13 @@ def contradiction(rig: Rig, judgement: Judgement, options: RecalibrateOptions) -
     pose, their covariance holds near the answer alone, and its distance from the rig says nothing.
     """
     answer, measured = judgement.answer, judgement.measured
-    pose = rig.projector_from_camera
-    R, t = pose.R, pose.t / np.linalg.norm(pose.t)
+    old = own_pose(rig)
     lens = answer.prior.lens
     best = fit_posterior(measured, answer.parameters, Prior(lens, free=True), 10)
     precision: FloatArray = np.linalg.inv(own_covariance(rig, options)).astype(np.float64)
-    held = Prior(lens, free=True, pose=PosePrior(R, t, precision))
+    held = Prior(lens, free=True, pose=PosePrior(old, precision))
     homographies = [answer.pose.R + answer.pose.t[:, None] * n for n in answer.pose.planes]
-    own = TwoViewPose(R, t, planes_of_pose(R, t, homographies))
+    own = replace(old, planes=planes_of_pose(old.R, old.t, homographies))
     ratios: list[float] = []
     for start in (replace(answer.parameters, pose=own), answer.parameters):
         fit = fit_posterior(measured, start, held, 15)
