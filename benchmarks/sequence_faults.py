@@ -11,6 +11,7 @@ from __future__ import annotations
 
 import sys
 from collections import Counter
+from collections.abc import Callable, Sequence
 from itertools import pairwise
 
 import cv2
@@ -130,27 +131,37 @@ def one(seed: int) -> tuple[set[str], str, int, str]:
         said = str(error)
         named = any(word in said for fault in faults for word in WORDS[fault])
         return faults, "named" if named else "other cause", 0, said
-    x, y = points.camera_px.astype(int).T
-    u = SIZE[0] - 1 - where[0] if "mirrored" in faults else where[0]
-    off = np.abs(points.projector_px - np.stack([u[y, x], where[1][y, x]], axis=1)).max(axis=1)
-    wrong = int(np.count_nonzero(off > 2))
+    wrong = wrong_points(points, seen_places(points, where, faults))
     said = "; ".join(points.card.advice)
     right = wrong <= 1e-3 * len(points) and ("mirrored" not in faults or "mirrored" in said)
     return faults, "read" if right else "read wrong", wrong, said
 
 
-def main() -> None:
+def seen_places(points: retrue.Correspondences, where: Sequence[np.ndarray], faults: set[str]) -> np.ndarray:
+    """(N, 2) projector pixels that those camera pixels see, of `where`, (height, width) of both axes."""
+    x, y = points.camera_px.astype(int).T
+    u = SIZE[0] - 1 - where[0] if "mirrored" in faults else where[0]
+    return np.stack([u[y, x], where[1][y, x]], axis=1)
+
+
+def wrong_points(points: retrue.Correspondences, places: np.ndarray) -> int:
+    """How many are more than two pixels off."""
+    return int(np.count_nonzero(np.abs(points.projector_px - places).max(axis=1) > 2))
+
+
+def report(one: Callable[[int], tuple[set[str], str, int, str]]) -> None:
+    """Of [COUNT] captures from [SEED] on: those neither read nor named, and how many were."""
     count = int(sys.argv[1]) if len(sys.argv) > 1 else 200
     first = int(sys.argv[2]) if len(sys.argv) > 2 else 0
     outcomes: Counter[str] = Counter()
     for seed in range(first, first + count):
         faults, outcome, wrong, said = one(seed)
         outcomes[outcome] += 1
-        if outcome in ("other cause", "read wrong"):
+        if outcome not in ("read", "named"):
             print(f"{seed}: {', '.join(sorted(faults))}: {outcome}, {wrong} wrong: {said}")
     good = outcomes["read"] + outcomes["named"]
-    print(f"{good} of {count} read or named: {dict(outcomes)}")
+    print(f"{CAMERA[0]} x {CAMERA[1]}: {good} of {count} read or named: {dict(outcomes)}")
 
 
 if __name__ == "__main__":
-    main()
+    report(one)

@@ -8,12 +8,10 @@ one. Shifts of both axes backwards are a projector on its head, which no picture
 
 from __future__ import annotations
 
-import sys
-from collections import Counter
 from itertools import pairwise
 
 import numpy as np
-from sequence_faults import CAMERA, SIZE, render, surface
+from sequence_faults import SIZE, render, report, seen_places, surface, wrong_points
 
 import retrue
 from retrue.patterns.sequence import Frame, FrameSequence
@@ -94,15 +92,12 @@ def one(seed: int) -> tuple[set[str], str, int, str]:
         said = str(error)
         named = any(word in said for fault in faults for word in WORDS[fault])
         return faults, "named" if named else "other cause", 0, said
-    x, y = points.camera_px.astype(int).T
-    u = SIZE[0] - 1 - where[0] if "mirrored" in faults else where[0]
-    off = np.abs(points.projector_px - np.stack([u[y, x], where[1][y, x]], axis=1)).max(axis=1)
-    wrong = int(np.count_nonzero(off > 2))
+    places = seen_places(points, where, faults)
+    wrong = wrong_points(points, places)
     said = "; ".join(points.card.advice)
     told = all(any(word in said for word in WORDS[fault]) for fault in faults & {"mirrored", "backwards", "rows first"})
-    upside_down = np.stack([SIZE[0] - u[y, x], SIZE[1] - where[1][y, x]], axis=1)
     if "backwards" in faults and "on its head" in said:
-        wrong = int(np.count_nonzero(np.abs(points.projector_px - upside_down).max(axis=1) > 2))
+        wrong = wrong_points(points, np.array(SIZE) - places)
         return faults, "named" if wrong <= 1e-2 * len(points) else "read wrong", wrong, said
     if wrong <= 1e-3 * len(points):
         return faults, "read" if told else "read, not told", wrong, said
@@ -120,19 +115,5 @@ def sines(axis: int, periods: int, steps: int) -> list[Frame]:
     ]
 
 
-def main() -> None:
-    count = int(sys.argv[1]) if len(sys.argv) > 1 else 200
-    first = int(sys.argv[2]) if len(sys.argv) > 2 else 0
-    outcomes: Counter[str] = Counter()
-    for seed in range(first, first + count):
-        faults, outcome, wrong, said = one(seed)
-        outcomes[outcome] += 1
-        if outcome not in ("read", "named"):
-            print(f"{seed}: {', '.join(sorted(faults))}: {outcome}, {wrong} wrong: {said}")
-    print(
-        f"{CAMERA[0]} x {CAMERA[1]}: {outcomes['read'] + outcomes['named']} of {count} read or named: {dict(outcomes)}"
-    )
-
-
 if __name__ == "__main__":
-    main()
+    report(one)
