@@ -38,15 +38,18 @@ def mirror(rng: Generator, rig: Rig, capture: Capture, share: float) -> Capture 
     """Some points are seen through a mirror: consistent with one reflected scene. None where no mirror shows them."""
     rows = part(rng, capture, share)
     middle = capture.points[rows].mean(axis=0)
-    for _ in range(20):
+    for _ in range(200):
         pixel = rng.uniform(0.1, 0.9, (1, 2)) * np.array(rig.camera.size)
-        image = rig.camera.rays(pixel)[0] * middle[2] * rng.uniform(1.02, 2)
+        image = rig.camera.rays(pixel)[0] * middle[2] * rng.uniform(0.6, 2)
         normal = image - middle
         normal /= np.linalg.norm(normal)
         depth = (capture.points - (image + middle) / 2) @ normal  # negative on the camera's side
         reflected = capture.points - 2 * depth[:, None] * normal
         seen = rig.camera.project(reflected)
-        if -(image + middle) @ normal / 2 < 0 and (depth[rows] < 0).all() and rig.camera.inside(seen[rows]).all():
+        eye = (image + middle) @ normal * normal  # the camera, as the mirror shows it
+        leaves = (capture.normals * (eye - capture.points)).sum(axis=1) > 0  # no surface shines from its back
+        there = (depth[rows] < 0).all() and leaves[rows].all() and rig.camera.inside(seen[rows]).all()
+        if -(image + middle) @ normal / 2 < 0 and there:
             noise = capture.noise.draw(rng, np.nan_to_num(seen), rig.camera.size)
             return spoiled(capture, rows, camera_px=seen + noise)
     return None
