@@ -7,6 +7,7 @@ from retrue.errors import DegenerateError
 from retrue.geometry.transform import rotation_from_vector, vector_from_rotation
 from retrue.geometry.two_view import (
     FREE,
+    LITTLE,
     NO_COLUMNS,
     TwoViewPoints,
     TwoViewPose,
@@ -56,6 +57,7 @@ def test_jacobians_agree_with_differences() -> None:
         weights = np.outer(family, rng.uniform(0.5, 1, len(points)))
         information, cross, among = normal_equations(POSE, points, weights, differences / 2e-6)
         information -= np.diag(np.repeat([0, *1 / (POSE.planes**2).sum(axis=1)], (5, 3, 3)))
+        information[range(5, 11), range(5, 11)] /= 1 + LITTLE  # what holds a plane of few points
         # |J - D|^2 of each column, from sums of products only; what is left is rounding.
         apart = np.diag(information) - 2 * np.diag(cross) + np.diag(among)
         assert np.abs(apart).max() < 1e-10 * np.diag(information).max()

@@ -24,6 +24,7 @@ POSE_PARAMETERS = 5
 PARAMETERS = 8  # of one point: the pose, and n of its plane
 NO_RESIDUALS, NO_WEIGHTS = np.empty((2, 0)), np.empty((2, 0))
 NO_COLUMNS, NO_BLOCKS = np.empty((0, 2, 0)), np.empty((0, 0, 0))
+LITTLE = 1e-9  # of a plane's own information, more
 NO_TURNS = np.empty((0, 2, 0)), np.empty((0, 2, 0))
 NO_BOWS = np.empty((0, 0)), np.empty((0, 0))
 FREE = -1
@@ -175,8 +176,8 @@ def normal_equations(
     weights : (2, N) of the residuals across and along the epipolar line.
     columns : C (K, 2, N): the residuals themselves, or how they change with what is no unknown; at most 32.
 
-    A plane whose points all lost their weight is held where it is, by one unit of information relative to its n:
-    next to nothing where it has points, and enough that it does not leave the pose undetermined.
+    A plane whose points all lost their weight is held where it is, by one unit of information relative to its n and
+    a billionth of its own: next to nothing where it has points, and enough not to leave the pose undetermined.
     """
     count = len(pose.planes)
     blocks = normal_blocks(pose, points, weights, columns)
@@ -189,7 +190,7 @@ def normal_equations(
     information[own[:, :, None], own[:, None]] = blocks[:-1, 5:8, 5:8]
     cross[5:] = blocks[:-1, 8:, 5:8].transpose(0, 2, 1).reshape(own.size, len(columns))
     held = 1 / np.maximum((pose.planes**2).sum(axis=1), 1e-12)
-    information[own, own] += held[:, None]
+    information[own, own] += held[:, None] + LITTLE * information[own, own]
     return _symmetric(information), cross, _symmetric(both[8:, 8:])
 
 

@@ -8,6 +8,7 @@ from cython.cimports.libc.math import fabs, sin, sqrt
 POSE = cython.declare(cython.Py_ssize_t, 5)
 UNKNOWNS = cython.declare(cython.Py_ssize_t, 8)  # of one point: the pose, and n of its plane
 SMALLEST = cython.declare(cython.double, 1e-12)
+LITTLE = cython.declare(cython.double, 1e-9)
 SMALL_ANGLE = cython.declare(cython.double, 1e-4)
 
 
@@ -22,7 +23,8 @@ def assemble(
 
     `blocks` (P + 1, 8 + 1 + L + B, the same) are those of `two_view` with the residuals for its only column, `bows`
     (P, B) where they are. A plane whose points all lost their weight stays where it is: one unit of information,
-    relative to its n. Bows have a prior of variance 1 about zero.
+    relative to its n; and a billionth of what it has, where one or two points are left. Bows have a prior of variance
+    1 about zero.
     """
     cython.declare(i=cython.Py_ssize_t, j=cython.Py_ssize_t, k=cython.Py_ssize_t)
     count: cython.Py_ssize_t = planes.shape[0]
@@ -53,7 +55,7 @@ def assemble(
         for k in range(count):
             square = planes[k, 0] * planes[k, 0] + planes[k, 1] * planes[k, 1] + planes[k, 2] * planes[k, 2]
             for i in range(POSE + 3 * k, POSE + 3 * k + 3):
-                information[i, i] += 1 / max(square, SMALLEST)
+                information[i, i] += LITTLE * information[i, i] + 1 / max(square, SMALLEST)
             for i in range(per_plane):
                 j = POSE + 3 * count + lenses + per_plane * k + i
                 information[j, j] += 1.0
