@@ -12,8 +12,13 @@ from retrue.geometry.transform import direction_angle, rotation_angle, vector_fr
 from retrue.geometry.two_view import FREE, tangent_basis
 from retrue.recalibration.chance import beyond_chance, without_chance
 from retrue.recalibration.fit import Support, evaluate
+from retrue.recalibration.lens import stated_prior
+from retrue.recalibration.posterior import Prior, posterior_at
+from retrue.recalibration.rays import rays_of_captures
 from retrue.recalibration.recalibrate import recalibrate
 from retrue.recalibration.result import Accepted
+from retrue.recalibration.rivals import Floor, costs, nearest_points
+from retrue.recalibration.turned import turned_over
 from tests.recalibration.scenes import POSE, RIG, SIDE_WALL, WALL, Scene, bumped, capture, first_hits
 from tests.recalibration.test_posterior import measured_scene
 
@@ -53,6 +58,64 @@ def test_what_is_seen_in_a_mirror_is_set_aside_and_counted(scene: str, share: fl
         assert result.evidence.sigma is not None
         assert error < max(0.1, 3 * result.evidence.sigma.rotation_deg)
         assert result.evidence.details["points_of_another_pose"] == pytest.approx(rows.sum(), rel=0.15)
+
+
+@pytest.mark.parametrize("device", ["camera", "projector"])
+@pytest.mark.parametrize("share", [0.15, 0.4])
+def test_a_shifted_copy_on_a_wall_is_set_aside_and_no_lens_is_blamed(device: str, share: float) -> None:
+    for seed in range(3):
+        points = capture(Scene(), seed=seed)
+        corner = points.camera_px.sum(axis=1)
+        rows = corner < np.quantile(corner, share)
+        pixels = getattr(points, f"{device}_px") + np.where(rows[:, None], [70.0, -45.0], 0.0)
+        result = recalibrate(NEAR, [replace(points, **{f"{device}_px": pixels})])
+        assert isinstance(result, Accepted), result.reason
+        pose = result.rig.projector_from_camera
+        assert result.evidence.sigma is not None
+        assert np.degrees(rotation_angle(pose.R @ POSE.R.T)) < max(0.1, 3 * result.evidence.sigma.rotation_deg)
+        assert result.evidence.details["points_of_another_pose"] == pytest.approx(rows.sum(), rel=0.15)
+
+
+def test_two_planes_that_are_each_half_of_the_points_share_no_pose_with_a_third() -> None:
+    points = capture(Scene(), seed=0)
+    third = (points.camera_px[:, 0] > np.quantile(points.camera_px[:, 0], [[0.34], [0.67]])).sum(axis=0)
+    turned = points.projector_px @ [[0.97, 0.05], [-0.04, 1.02]] + [15.0, -20.0]
+    squeezed = points.projector_px * [0.8, 1.1] + [60.0, -40.0]
+    pixels = np.select([third[:, None] == 1, third[:, None] == 2], [turned, squeezed], points.projector_px)
+    result = recalibrate(NEAR, [replace(points, projector_px=pixels)])
+    assert not isinstance(result, Accepted), result.reason
+
+
+def test_only_what_a_mirror_shows_is_turned_over() -> None:
+    for outliers, most in ((0.0, 0.0), (0.3, 0.03)):  # wrong matches lie anywhere, now and then the other way round
+        points = capture(Scene(planes=[WALL, SIDE_WALL]), seed=1, outliers=outliers)
+        rays = rays_of_captures(RIG, [points], len(points), np.random.default_rng(0))
+        assert np.mean(turned_over(rays.points, nearest_points(rays), 3e-4)) <= most
+    points = capture(Scene(), seed=1)
+    rows = points.camera_px[:, 0] < np.quantile(points.camera_px[:, 0], 0.3)
+    pixels = np.where(rows[:, None], [900.0, 0.0] + points.projector_px * [-1, 1], points.projector_px)
+    rays = rays_of_captures(RIG, [replace(points, projector_px=pixels)], len(points), np.random.default_rng(0))
+    found = turned_over(rays.points, nearest_points(rays), 3e-4)
+    assert np.count_nonzero(found & rows) > 0.9 * rows.sum()
+    assert not (found & ~rows).any()
+    result = recalibrate(NEAR, [replace(points, projector_px=pixels)])
+    assert isinstance(result, Accepted), result.reason
+    assert result.evidence.details["points_of_another_pose"] == pytest.approx(rows.sum(), rel=0.15)
+
+
+def test_an_error_that_a_block_shares_costs_as_one_and_not_as_many() -> None:
+    measured, truth = measured_scene("wall")
+    rng = np.random.default_rng(0)
+    points, block = measured.support.points, measured.support.blocks[0]
+    slow = rng.normal(0, 3e-4, 36)[block % 36]
+    rays = points.projector_rays + np.column_stack([np.zeros(len(points)), slow])
+    apart = replace(measured, support=Support(replace(points, projector_rays=rays), measured.support.blocks))
+    true, bent = (posterior_at(m, truth, Prior(stated_prior(RIG, 0.01, 5.0, 0.02))) for m in (measured, apart))
+    assert bent.fit.epipolar_noise.shared > 0.5 * bent.fit.epipolar_noise.level
+    nobody = np.empty((len(points), 0), dtype=np.int64)
+    lost = (costs(bent, Floor.of([true, bent]), nobody) - costs(true, Floor.of([true, bent]), nobody)).sum()
+    alone = 2 * len(points) * np.log(bent.fit.epipolar_noise.level / true.fit.epipolar_noise.level)
+    assert 36 < lost < 0.4 * alone
 
 
 def test_a_pose_fitted_with_and_without_a_part_is_one_rival_with_a_residual() -> None:

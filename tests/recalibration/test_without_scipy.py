@@ -9,7 +9,7 @@ from scipy.spatial.transform import Rotation
 from scipy.special import chdtri
 
 from retrue.geometry.transform import vector_from_rotation
-from retrue.recalibration.judge import deviations_limit
+from retrue.recalibration.chance import deviations_limit
 
 
 @pytest.mark.parametrize("share", [0.5, 0.1, 1e-3, 1e-9])

@@ -70,14 +70,22 @@ def _spread(points: FloatArray) -> tuple[float, float]:
 
 
 def with_planes(
-    rays: Rays, projector_focal_px: float, options: RecalibrateOptions, rng: np.random.Generator
+    rays: Rays,
+    projector_focal_px: float,
+    options: RecalibrateOptions,
+    rng: np.random.Generator,
+    turned: BoolArray | None = None,
 ) -> tuple[Rays, list[FloatArray]]:
-    """Split the planes off each capture; indices run on from one capture to the next, largest first within each."""
+    """Split the planes off each capture; indices run on from one capture to the next, largest first within each.
+
+    Rows (N,) that are `turned`, as a mirror shows them, lie on none.
+    """
     plane_index = np.full(len(rays), FREE)
     homographies: list[FloatArray] = []
     points = rays.points
     for capture in range(int(rays.capture.max(initial=-1)) + 1):
-        mine = np.flatnonzero(rays.capture == capture)
+        of_it = rays.capture == capture
+        mine = np.flatnonzero(of_it if turned is None else of_it & ~turned)
         if len(mine) < options.min_points:
             continue
         x, y = points.camera_rays[mine], points.projector_rays[mine]
@@ -304,7 +312,9 @@ def better_without_planes(posterior: Posterior, noise: float, rng: np.random.Gen
             deviations = squared_sigmas(pose, alone.pose, alone.covariance)
         except DegenerateError:
             continue
-        if deviations > MISLED and (quieter(alone, posterior) or _explains_more(alone, posterior)):
+        if (deviations > MISLED or much_quieter(alone, posterior)) and (
+            quieter(alone, posterior) or _explains_more(alone, posterior)
+        ):
             found.append(alone)
     return found
 
@@ -324,6 +334,11 @@ def quieter(alone: Posterior, posterior: Posterior) -> bool:
     noise, explained = alone.fit.epipolar_noise, alone.fit.explained
     worth = float((noise.level**2 / noise.variance[explained]).sum())
     return 2 * worth * float(np.log(posterior.fit.epipolar_noise.level / noise.level)) > MISLED
+
+
+def much_quieter(alone: Posterior, posterior: Posterior) -> bool:
+    """Whether the other's noise is so loud that no real lens or wall makes it."""
+    return alone.fit.epipolar_noise.level * MUCH_LOUDER < posterior.fit.epipolar_noise.level
 
 
 def twins_of(pose: TwoViewPose, points: TwoViewPoints) -> list[TwoViewPose]:

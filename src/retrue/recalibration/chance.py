@@ -1,8 +1,9 @@
-"""What wrong matches and a few points make by chance is no evidence."""
+"""What wrong matches, a few points and noise make by chance is no evidence."""
 
 from __future__ import annotations
 
 from dataclasses import replace
+from math import erfc, exp, log, pi, sqrt
 
 import numpy as np
 
@@ -44,3 +45,16 @@ def beyond_chance(preferred: FloatArray) -> float:
     squares = float((preferred**2).sum())
     deviations = float(preferred.sum() / np.sqrt(squares)) if squares > 0 else 0.0
     return min(1.0, (deviations / CHANCE) ** 2)
+
+
+def deviations_limit(false_alarms: float) -> float:
+    """Sigma that so large a share of good rigs exceeds: chi with five degrees of freedom."""
+    d = 5.0
+    for _ in range(NEWTON_STEPS):  # P(chi > d) = erfc(d / sqrt 2) + sqrt(2 / pi) exp(-d^2 / 2) (d + d^3 / 3)
+        density = sqrt(2 / pi) * exp(-(d**2) / 2)
+        share = erfc(d / sqrt(2)) + density * (d + d**3 / 3)
+        d += share / (density * d**4 / 3) * log(share / false_alarms)
+    return d
+
+
+NEWTON_STEPS = 20

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from math import erfc, exp, log, pi, sqrt
 
 import numpy as np
 
@@ -23,6 +22,7 @@ from retrue.recalibration.candidates import (
     curved_planes,
     match_noise,
     misleading_plane,
+    much_quieter,
     needless_planes,
     quieter,
     refined_poses,
@@ -30,16 +30,20 @@ from retrue.recalibration.candidates import (
     twins_of_planes,
     with_planes,
 )
+from retrue.recalibration.chance import deviations_limit
 from retrue.recalibration.fit import PoseFit, Support, squared_sigmas
 from retrue.recalibration.lens import LENS_NAMES, LENS_PARAMETERS, stated_prior, wide_prior
 from retrue.recalibration.lens_evidence import LensEvidence, lens_evidence
 from retrue.recalibration.options import RecalibrateOptions
 from retrue.recalibration.parts import (
-    LOUD,
+    FEWEST_OF_A_PART,
+    IN_A_MIRROR,
     Part,
     differing_capture,
     homography_residuals,
+    most_unexplained,
     other_part,
+    other_parts,
     parts_apart,
     set_aside,
     shifted_copy,
@@ -69,9 +73,20 @@ from retrue.recalibration.reasons import (
     Undecidable,
 )
 from retrue.recalibration.result import Evidence, PoseSigma, sigma_at, working_distance
-from retrue.recalibration.rivals import Rival, light_of, move_deg, nearest_points, plane_levels, ranked, same_answer
+from retrue.recalibration.rivals import (
+    PARAMETER,
+    RARE,
+    Rival,
+    light_of,
+    move_deg,
+    nearest_points,
+    plane_levels,
+    ranked,
+    same_answer,
+)
 from retrue.recalibration.swapped import move_if_exchanged
 from retrue.recalibration.together import pose_with_lenses
+from retrue.recalibration.turned import turned_over
 from retrue.rig import Rig
 from retrue.rig_difference import pixel_displacement
 
@@ -125,25 +140,31 @@ def judge(rig: Rig, captures: Sequence[Correspondences], options: RecalibrateOpt
     rng = np.random.default_rng(options.seed)
     rays = rays_of_captures(rig, captures, options.max_points, rng)
     check_spread(rays, options)
-    rays, homographies = with_planes(rays, float(rig.projector.K[0, 0]), options, rng)
     few = rays.thinned(COMPARED_POINTS, rng)
-    old = own_pose(rig)
-    noise = match_noise(few.points, rng)
+    noise, neighbours = match_noise(few.points, rng), nearest_points(few)
+    turned = np.zeros(len(rays), dtype=np.bool_)
+    if np.count_nonzero(turned_over(few.points, neighbours, noise)) >= FEWEST_OF_A_PART:
+        turned = turned_over(rays.points, nearest_points(rays), noise)
+    rays, homographies = with_planes(rays, float(rig.projector.K[0, 0]), options, rng, turned)
+    few = rays.select(~turned).thinned(COMPARED_POINTS, rng)
+    neighbours, old = nearest_points(few), own_pose(rig)
     fits = refined_poses(starting_poses(few.points, homographies, old, noise, rng), Support.of(few), rng)
     tight = stated_prior(rig, options.focal_sigma, options.principal_point_sigma_px, options.k1_sigma)
     wide = wide_prior(rig, tight)
     prior = Prior(wide, free=True) if options.lens == "may-have-changed" else Prior(tight)
     starts = [Parameters.of(fit.pose) for fit in _foremost(fits, few.points)]
     photographs = all(capture.card is not None and capture.card.counted == "features" for capture in captures)
-    light, neighbours = light_of(rig, captures, few), nearest_points(few)
+    light = light_of(rig, captures, few)
     while True:
         measured = _measured(rig, captures, few, homographies, neighbours, options.flatness_sigma)
         posteriors = [fit_posterior(measured, start, prior, 6) for start in starts]
-        best, rivals = ranked(posteriors, measured, few, light, old, None, rng)
-        part = other_part(best, unexplained(best), rng)
-        apart = _apart(posteriors, best, part, measured, alone=len(captures) == 1)
+        best, rivals = ranked(posteriors, measured, few, light, old, (), rng)
+        asides = other_parts([best, *(rival.posterior for rival in rivals)], rng)
+        part = most_unexplained(asides, best)
+        apart = _apart(posteriors, best, part, measured, homographies, alone=len(captures) == 1)
         if apart:
-            best, rivals = ranked([*posteriors, *apart], measured, few, light, old, part, rng)
+            best, rivals = ranked([*posteriors, *apart], measured, few, light, old, asides, rng)
+            part = most_unexplained(asides, best)
         lens = lens_evidence(measured, homographies, best, part, tight, wide, old)
         curved = curved_planes(best)
         if not curved.any():
@@ -151,7 +172,11 @@ def judge(rig: Rig, captures: Sequence[Correspondences], options: RecalibrateOpt
         if photographs and not curved.any():
             curved = needless_planes(best, lens.kept)
         free = [] if curved.any() else better_without_planes(best, noise, rng)
-        free = [fit for fit in free if not any(same_answer(other, fit.pose) for other in posteriors)]
+        free = [
+            fit
+            for fit in free
+            if much_quieter(fit, best) or not any(same_answer(other, fit.pose) for other in posteriors)
+        ]
         if lens.verdict == "changed":  # no plane looks flat through it, but curved scenes do not ask for it
             free = [fit for fit in free if lens.posterior is not None and quieter(fit, lens.posterior)]
             curved[:] = False
@@ -162,12 +187,12 @@ def judge(rig: Rig, captures: Sequence[Correspondences], options: RecalibrateOpt
         homographies = [H for H, gone in zip(homographies, curved, strict=True) if not gone]
         starts = [fit.parameters.without_planes(curved) for fit in posteriors]
         starts += [Parameters.of(fit.pose) for fit in free]
-        if not free:  # those poses were of planes that are none
-            fits = refined_poses(starting_poses(few.points, homographies, old, noise, rng), Support.of(few), rng)
-            starts += [Parameters.of(fit.pose) for fit in _foremost(fits, few.points)]
+        # Those poses were of planes that are none, and what is curved often leaves two that differ by little.
+        fits = refined_poses(starting_poses(few.points, homographies, old, noise, rng), Support.of(few), rng)
+        starts += [Parameters.of(fit.pose) for fit in _foremost(fits, few.points)]
     start = best.parameters
     if lens.verdict == "changed" and options.lens == "refit" and lens.posterior is not None:
-        best, rivals = ranked([lens.posterior, *lens.others], measured, few, light, old, part, rng)
+        best, rivals = ranked([lens.posterior, *lens.others], measured, few, light, old, asides, rng)
         start, prior = best.parameters, Prior(wide, free=True)
     elif lens.verdict == "checked" or not prior.free:
         prior = Prior(lens.prior)
@@ -178,6 +203,7 @@ def judge(rig: Rig, captures: Sequence[Correspondences], options: RecalibrateOpt
         prior = replace(prior, kept=lens.kept, together=follows)
     nobody = np.empty((len(rays), 0), dtype=np.int64)
     whole = _measured(rig, captures, rays, homographies, nobody, options.flatness_sigma)
+    whole = replace(whole, aside=turned if turned.any() else None)
     answer = posterior_at(whole, start, prior)
     others = parts_apart(answer, part, whole.homography_residuals)
     for other in others:
@@ -195,9 +221,12 @@ def judge(rig: Rig, captures: Sequence[Correspondences], options: RecalibrateOpt
     answer = improved(replace(answer, parameters=parameters, measured=whole), 3)
     outside = unexplained(answer)
     others = [*parts_apart(answer, part, whole.homography_residuals), shifted_copy(answer, outside)]
-    part = max(
-        (other for other in others if other is not None and other.count), key=lambda one: one.count, default=None
-    )
+    if turned.any() and (mirror := other_part(answer, outside, rng)) is not None:
+        others.append(replace(mirror, name=IN_A_MIRROR))
+    named = [other for other in others if other is not None and other.count]
+    part = max(named, key=lambda one: one.count, default=None)
+    if part is not None and part.name != IN_A_MIRROR:  # whatever else has an explanation of its own, is none of its
+        part = replace(part, rows=np.any([one.rows for one in named if one.name != IN_A_MIRROR], axis=0))
     nearer = move_if_exchanged(rig, captures, answer, old, options)
     exchanged = None if nearer is None else (move_deg(answer.pose, old), nearer)
     differing = differing_capture(whole, rays, answer)
@@ -205,20 +234,24 @@ def judge(rig: Rig, captures: Sequence[Correspondences], options: RecalibrateOpt
 
 
 def _apart(
-    posteriors: list[Posterior], best: Posterior, part: Part | None, measured: Measured, *, alone: bool
+    posteriors: list[Posterior],
+    best: Posterior,
+    part: Part | None,
+    measured: Measured,
+    homographies: list[FloatArray],
+    *,
+    alone: bool,
 ) -> list[Posterior]:
     """Each hypothesis fitted again without the parts that it does not explain, though they have an explanation.
 
-    And each plane of a capture that is `alone` by itself where the best, or one that is right in part, is louder than
-    one of them: it may explain what does not belong together. Captures are one as loud, one as quiet.
+    And each plane of a capture that is `alone` by itself, where the best is louder than one of them by more than a part
+    costs: it may explain what does not belong together. Captures are one as loud, one as quiet.
     """
     points = measured.support.points
     starts = [(fit.parameters, parts_apart(fit, part, measured.homography_residuals)) for fit in posteriors]
-    quiet = LOUD * min(plane_levels(measured), default=np.inf)
-    levels = [[noise.level for noise in fit.eased.fit.noises] for fit in posteriors]
-    partly = any(min(both) < quiet <= max(both) for both in levels)
-    if alone and (partly or not max(noise.level for noise in best.eased.fit.noises) < quiet):
-        homographies = [best.pose.R + best.pose.t[:, None] * n for n in best.pose.planes]
+    level = max(noise.level for noise in best.eased.fit.noises)
+    quieter = len(points) * 4 * float(np.log(level / min(plane_levels(measured), default=level)))
+    if alone and len(homographies) > 1 and not quieter < 2 * PARAMETER + RARE:
         for plane, twin in twins_of_planes(points, homographies):
             elsewhere = points.plane_index != plane
             starts.append((Parameters.of(twin), [Part("elsewhere", elsewhere, 8, np.empty((0, 2)), 0.0)]))
@@ -263,7 +296,7 @@ def objection(
         return PointsDisagree(share, 1 - options.max_outliers, level, options.max_noise_px)
     if judgement.differing is not None and not judgement.differing[1] <= MOST_DEVIATIONS:
         return CapturesDiffer(judgement.differing[0] + 1, judgement.differing[1])
-    if judgement.other_part is not None:
+    if judgement.other_part is not None and judgement.other_part.name != IN_A_MIRROR:  # those are of no direct pose
         other = judgement.other_part.count / len(judgement.outside)
         if not other <= LARGEST_OTHER_PART * share:
             return PartsContradict(share, other)
@@ -330,19 +363,6 @@ def holds(rig: Rig, judgement: Judgement, evidence: Evidence, options: Recalibra
 
 
 HELD = 1e-3
-
-
-def deviations_limit(false_alarms: float) -> float:
-    """Sigma that so large a share of good rigs exceeds: chi with five degrees of freedom."""
-    d = 5.0
-    for _ in range(NEWTON_STEPS):  # P(chi > d) = erfc(d / sqrt 2) + sqrt(2 / pi) exp(-d^2 / 2) (d + d^3 / 3)
-        density = sqrt(2 / pi) * exp(-(d**2) / 2)
-        share = erfc(d / sqrt(2)) + density * (d + d**3 / 3)
-        d += share / (density * d**4 / 3) * log(share / false_alarms)
-    return d
-
-
-NEWTON_STEPS = 20
 
 
 def _measured(

@@ -15,9 +15,9 @@ from retrue.recalibration.candidates import behind, same_pose
 from retrue.recalibration.chance import beyond_chance
 from retrue.recalibration.lens import FOCAL, LENS_PARAMETERS, LensPrior, scaled_starts
 from retrue.recalibration.measured import MISFIT_PX
-from retrue.recalibration.parts import LOUD, Part
+from retrue.recalibration.parts import LOUD, Part, shifted_copy, unexplained
 from retrue.recalibration.posterior import Measured, Parameters, Posterior, Prior, fit_posterior, posterior_at
-from retrue.recalibration.rivals import SELDOM, UNEXPLAINED, least, move_deg, move_nats, plane_levels
+from retrue.recalibration.rivals import PARAMETER, RARE, SELDOM, UNEXPLAINED, least, move_deg, move_nats, plane_levels
 
 KNOWN_FOCAL = 0.01
 CHANGED_GAIN = 30.0  # of chi-square; eight parameters that nobody touched gain as much once in 5000 times
@@ -145,13 +145,17 @@ def _gain(measured: Measured, best: Posterior, free: Posterior, prior: LensPrior
 
 
 def _preferred(held: Posterior, free: Posterior, part: Part | None, price: float) -> float:
-    costs = _joint_costs(held, held)
-    # The rival of a changed lens: those points are seen in a mirror, or moved.
-    for rows in (held.measured.aside, None if part is None else part.rows):
-        if rows is not None:
-            costs[rows] = np.minimum(costs[rows], 1.0 + SELDOM)
-            price += PART_PRICE
-    preferred = costs - _joint_costs(free, held)
+    costs, theirs = _joint_costs(held, held), _joint_costs(free, held)
+    # The rivals of a changed lens: those points are a copy of a plane, seen in a mirror, or moved, and as well known.
+    copy = shifted_copy(held, unexplained(held))
+    parts = [] if copy is None else [(copy.rows, copy.seldom, 2 * PARAMETER + RARE)]
+    parts += [(rows, 1.0, PART_PRICE) for rows in (held.measured.aside, part and part.rows) if rows is not None]
+    for rows, seldom, own_price in parts:
+        gained = np.maximum(costs[rows] - theirs[rows] - seldom * SELDOM, 0.0)
+        if float(gained.sum()) > own_price:
+            costs[rows] -= gained
+            price += own_price
+    preferred = costs - theirs
     return (float(preferred.sum()) + price + held.prior_cost - free.prior_cost) * beyond_chance(preferred)
 
 

@@ -18,8 +18,11 @@ from retrue.recalibration.posterior import Measured, Posterior, fit_posterior
 from retrue.recalibration.rays import Rays
 
 FEWEST_OF_A_PART = 15
+IN_A_MIRROR = "points in a mirror"
 STRIPS, MOST_SAMPLES = 4, 180
 CENTRES = 50  # shifts to look for others about
+MOST_ASKED = 4  # hypotheses
+ALIKE = 0.1  # of the points
 SHARE_OF_A_PART = 0.3  # of the unexplained points; five free choices among wrong matches bring few together
 LOUD = 1.5  # times the noise that a plane by itself leaves: a pose that explains what does not belong together
 MUCH_LOUDER = 3.0  # likewise, of a plane that belongs to another pose; real lenses make it twice as loud
@@ -39,6 +42,7 @@ class Part:
     missed : (rows, 1 or 2) residuals that it leaves, across the epipolar line or both, in the points' own sigma.
     level : their noise.
     essential, reach : its essential matrix (3, 3), where it has one, and how far from it points agree.
+    seldom : the share of its points that are of the rarer kind: of a copy, those that outnumber what it is a copy of.
     """
 
     name: str
@@ -48,6 +52,7 @@ class Part:
     level: float
     essential: FloatArray | None = None
     reach: float = 0.0
+    seldom: float = 1.0
 
     @property
     def count(self) -> int:
@@ -92,35 +97,43 @@ def planes_apart(posterior: Posterior, outside: BoolArray, missed: FloatArray) -
 def shifted_copy(posterior: Posterior, outside: BoolArray) -> Part | None:
     """Unexplained points that one shift, in either picture, puts where a plane has them; None where no many are.
 
-    Repeated texture, or a code that repeats, makes such matches. The shift is the mode of what the points ask for.
+    Repeated texture, or a code that repeats, makes such matches. The shift, of pixels, is the mode of what the points
+    ask for.
     """
-    points, pose = posterior.points, posterior.pose
+    points, pose, measured = posterior.points, posterior.pose, posterior.measured
     rows = np.flatnonzero(outside)
     fewest = max(FEWEST_OF_A_PART, int(SHARE_OF_A_PART * len(rows)))
-    if len(rows) < fewest:
+    if len(rows) < fewest or not len(pose.planes):
         return None
-    noise = _noise(points, np.hypot(posterior.fit.along_noise.level, posterior.fit.along_noise.shared)) * 4
+    camera, projector = measured.rig.camera, measured.rig.projector
+    sigma = np.hypot(points.camera_sigma * camera.K[0, 0], points.projector_sigma * projector.K[0, 0])[rows]
+    along = posterior.fit.along_noise
+    noise = 4 * float(np.median(sigma) * np.hypot(along.level, along.shared))
     x = np.column_stack([points.camera_rays[rows], np.ones(len(rows))])
     y = np.column_stack([points.projector_rays[rows], np.ones(len(rows))])
-    best, shifted = None, np.empty((0, 2))
-    for n in pose.planes:
+    best, shifted, copied = None, np.empty((0, 2)), 0
+    for index, n in enumerate(pose.planes):
         H: FloatArray = pose.R + pose.t[:, None] * n
         with np.errstate(all="ignore"):
-            inverse = np.asarray(np.linalg.inv(H), dtype=np.float64)
-            forth, back = x @ H.T, y @ inverse.T
-            shifts = (y[:, :2] - forth[:, :2] / forth[:, 2:], x[:, :2] - back[:, :2] / back[:, 2:])
+            back = y @ np.asarray(np.linalg.inv(H), dtype=np.float64).T
+            shifts = (
+                measured.projector_px[rows] - projector.project(x @ H.T),
+                measured.camera_px[rows] - camera.project(back),
+            )
         for shift in shifts:
             mode = within_reach_of_mode(shift, CENTRES, noise)
             if not np.count_nonzero(mode) >= fewest or np.abs(np.median(shift[mode], axis=0)).max() < noise:
                 continue  # what lies where the plane has it is no copy, and behind a device for another reason
             if best is None or np.count_nonzero(mode) > np.count_nonzero(best):
                 best, shifted = mode, np.asarray(shift[mode], dtype=np.float64)
+                copied = int(np.count_nonzero((points.plane_index == index) & ~outside))
     if best is None:
         return None
     copy = np.zeros(len(outside), dtype=np.bool_)
     copy[rows[best]] = True
-    missed: FloatArray = (shifted - np.median(shifted, axis=0)) / _sigma(points.select(copy))[:, None]
-    return Part("a shifted copy", copy, 2, missed, _level(missed))
+    missed: FloatArray = (shifted - np.median(shifted, axis=0)) / sigma[best, None]
+    more = max(0.0, 1 - copied / float(np.count_nonzero(copy)))
+    return Part("a shifted copy", copy, 2, missed, _level(missed), seldom=more)
 
 
 def other_part(posterior: Posterior, outside: BoolArray, rng: np.random.Generator) -> Part | None:
@@ -153,6 +166,30 @@ def other_part(posterior: Posterior, outside: BoolArray, rng: np.random.Generato
     return part_of_essential(posterior, outside, E, 3 * noise)
 
 
+def other_parts(posteriors: Sequence[Posterior], rng: np.random.Generator) -> list[Part]:
+    """Those of each quiet hypothesis that leaves other points unexplained than those before it."""
+    found: list[Part] = []
+    asked: list[BoolArray] = []
+    quiet = LOUD * min(posterior.fit.epipolar_noise.level for posterior in posteriors)
+    for posterior in posteriors[:MOST_ASKED]:
+        if posterior.fit.epipolar_noise.level > quiet:
+            continue
+        outside = unexplained(posterior)
+        if any(np.count_nonzero(outside & ~known) < ALIKE * np.count_nonzero(outside) for known in asked):
+            continue
+        asked.append(outside)
+        part = other_part(posterior, outside, rng)
+        if part is not None:
+            found.append(part)
+    return found
+
+
+def most_unexplained(parts: Sequence[Part], posterior: Posterior) -> Part | None:
+    """The largest part that is not of the hypothesis itself."""
+    outside = unexplained(posterior)
+    return max((part for part in parts if _of_another_pose(part, outside)), key=lambda one: one.count, default=None)
+
+
 def part_of_essential(posterior: Posterior, outside: BoolArray, E: FloatArray, reach: float) -> Part:
     """The points that agree with E (3, 3) to within `reach`, and do not lie on a plane that the pose explains."""
     points = posterior.points
@@ -174,8 +211,14 @@ def parts_apart(posterior: Posterior, part: Part | None, missed: FloatArray) -> 
     outside = unexplained(posterior)
     found = planes_apart(posterior, outside, missed)
     if part is not None and part.essential is not None:
-        found.append(part_of_essential(posterior, outside, part.essential, part.reach))
+        same = part_of_essential(posterior, outside, part.essential, part.reach)
+        found += [same] if _of_another_pose(same, outside) else []
     return found
+
+
+def _of_another_pose(part: Part, outside: BoolArray) -> bool:
+    """Whether most of a part is unexplained: else its pose is that of the hypothesis."""
+    return int(np.count_nonzero(part.rows & outside)) > MOST_OF_A_PLANE * part.count
 
 
 def differing_capture(measured: Measured, rays: Rays, answer: Posterior) -> tuple[int, float] | None:

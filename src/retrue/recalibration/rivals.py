@@ -16,8 +16,8 @@ from retrue.geometry.transform import direction_angle, rotation_angle
 from retrue.geometry.two_view import FREE, TwoViewPose
 from retrue.recalibration.candidates import behind, same_pose, twins_of
 from retrue.recalibration.chance import beyond_chance
-from retrue.recalibration.fit import PoseFit
 from retrue.recalibration.light import light_costs, log_irradiance
+from retrue.recalibration.measured import MISFIT_PX
 from retrue.recalibration.parts import Part, planes_apart, shifted_copy, unexplained
 from retrue.recalibration.posterior import Measured, Posterior, posterior_at, same_answer
 from retrue.recalibration.rays import Rays
@@ -30,6 +30,7 @@ LIGHT_MATTERS = 300.0  # nats of points and move: what light alone does not turn
 PARAMETER = 12.0  # of chi-square, what a free parameter costs: its range is some 400 times what the points leave
 FEWEST_OF_A_PLANE = 12
 SELDOM = 1.7  # of chi-square, 2 log(.7 / .3): a point of a copy, a mirror, or what moved, is the rarer one
+RARE = 18.0  # of chi-square, 2 log 8000: so few captures have a copy, where a plane more is nothing strange
 ROUGH = 0.3  # of chi-square: what bows and lenses that no model holds make of a point on a plane
 APART = 10.0  # times the noise: nearer to the line where two planes meet, either may claim a point
 
@@ -76,35 +77,43 @@ class Floor:
 
 
 def costs(posterior: Posterior, floor: Floor, neighbours: IntArray) -> FloatArray:
-    """(N,) -2 log likelihood of each point, up to a constant, saturated: rho(r / s) + 2 log(s / floor) of residuals r.
+    """(N,) -2 log likelihood of each point, up to a constant, saturated: of both its residuals in the hypothesis' own
+    noise, whose level over the floor's each point pays for.
 
-    s is the hypothesis' own noise: who needs more of it pays for that at each point. As much as an unexplained point
-    costs one that the hypothesis has behind a device, or hides: surfaces are opaque, and planes that alternate all over
-    the picture are not two.
+    Points of a block share an error: with s that of each by itself, and b of the block, n points of mean m have
+    rho((r - m) / s) + m^2 / (s^2 + n b^2) + 2 log s + log(1 + n b^2 / s^2) / n. As much as an unexplained point costs
+    one that the hypothesis has behind a device, or hides: surfaces are opaque, and planes that alternate all over the
+    picture are not two.
     """
-    fit = posterior.fit
-    families = zip(
-        fit.found.both,
-        (fit.epipolar_noise, fit.along_noise),
-        (floor.across, floor.along),
-        _wider(fit, floor),
-        strict=True,
-    )
+    fit, blocks = posterior.fit, posterior.measured.support.blocks
     found = np.zeros(len(posterior.points))
-    for values, noise, least, wider in families:
-        loss = np.minimum(biweight_loss(values / noise.level) + wider, UNEXPLAINED)
-        found += loss * (least.level**2 / least.variance)
+    families = zip(fit.found.both, fit.robust_weights, fit.noises, blocks, (floor.across, floor.along), strict=True)
+    for values, weights, noise, block, least in families:
+        number, mean = _means(values, weights, block)
+        apart = values - mean
+        square = np.where(weights > 0, weights * values**2, 0.0).sum()
+        within = float(np.where(weights > 0, weights * apart**2, 0.0).sum() / max(square, 1e-300))
+        own = noise.level**2 * within + MISFIT_PX**2
+        together = number * noise.shared**2 * noise.alikeness
+        loss = biweight_loss(apart / np.sqrt(own)) + mean**2 / (own + together)
+        loss += float(np.log(own / (least.level**2 + MISFIT_PX**2))) + np.log1p(together / own) / np.maximum(
+            number, 1.0
+        )
+        found += np.where(block < 0, 0.0, np.fmin(loss, UNEXPLAINED))  # along the line only points on planes have one
     impossible = behind(posterior.pose, posterior.points, fit.epipolar_noise.level) | _hidden(posterior, neighbours)
     return np.where(impossible, np.maximum(found, UNEXPLAINED), found)
 
 
-def _wider(fit: PoseFit, floor: Floor) -> tuple[float, float]:
-    across, along = fit.epipolar_noise.level / floor.across.level, fit.along_noise.level / floor.along.level
-    return 2 * float(np.log(across)), 2 * float(np.log(along))
+def _means(values: FloatArray, weights: FloatArray, block: IntArray) -> tuple[FloatArray, FloatArray]:
+    """(N,) how many explained points lie in the block of each, by weight, and the mean of their residuals."""
+    weighted = np.where(weights > 0, weights * values, 0.0)
+    number = np.bincount(block + 1, weights).astype(np.float64)
+    mean = np.bincount(block + 1, weighted) / np.maximum(number, 1e-300)
+    return number[block + 1], mean[block + 1]
 
 
 def explained_costs(
-    posterior: Posterior, floor: Floor, measured: Measured, part: Part | None
+    posterior: Posterior, floor: Floor, measured: Measured, asides: Sequence[Part]
 ) -> tuple[FloatArray, float, float]:
     """`costs` (N,) where a part of the points may have another explanation; the price of priors and planes; of that.
 
@@ -118,15 +127,18 @@ def explained_costs(
     outside = unexplained(posterior)
     copy = shifted_copy(posterior, outside)
     others = planes_apart(posterior, outside, measured.homography_residuals)
-    for other in [*others, *(one for one in (copy, part) if one is not None)]:
-        explained = SELDOM + np.where((plane[other.rows] != FREE) & (other.missed.shape[1] == 1), UNEXPLAINED, 0.0)
+    for other in [*(() if copy is None else (copy,)), *others, *asides]:
+        own_price = other.parameters * PARAMETER + (RARE if other is copy else 0.0)
+        explained = other.seldom * SELDOM
+        explained = explained + np.where((plane[other.rows] != FREE) & (other.missed.shape[1] == 1), UNEXPLAINED, 0.0)
+        level = float(np.hypot(other.level, MISFIT_PX))
         for missed, least in zip(other.missed.T, (floor.across.level, floor.along.level), strict=False):
-            wider = 2 * max(float(np.log(other.level / least)), 0.0)
-            explained = explained + np.minimum(biweight_loss(missed / other.level) + wider, UNEXPLAINED)
+            louder = 2 * max(float(np.log(level / np.hypot(least, MISFIT_PX))), 0.0)
+            explained = explained + np.minimum(biweight_loss(missed / level) + louder, UNEXPLAINED)
         gained = np.maximum(found[other.rows] - explained, 0.0)
-        if float(gained.sum()) > other.parameters * PARAMETER:
+        if float(gained.sum()) > own_price:
             found[other.rows] -= gained
-            parts += other.parameters * PARAMETER
+            parts += own_price
     return found, price, parts
 
 
@@ -141,7 +153,7 @@ def _least(posteriors: list[Posterior], judged: list[Posterior], measured: Measu
     floor = Floor.of(judged)
     totals: list[float] = []
     for fit in judged:
-        found, price, parts = explained_costs(fit, floor, measured, None)
+        found, price, parts = explained_costs(fit, floor, measured, ())
         totals.append(float(found.sum()) + price + parts)
     return posteriors[int(np.argmin(totals))]
 
@@ -185,16 +197,16 @@ def ranked(
     few: Rays,
     light: Light | None,
     old: TwoViewPose,
-    part: Part | None,
+    asides: Sequence[Part],
     rng: np.random.Generator,
 ) -> tuple[Posterior, tuple[Rival, ...]]:
     """The hypothesis that none other beats in evidence, and those others; its twins are among them, as they stand.
 
-    `part` has another pose, whichever hypothesis is right.
+    `asides` are of other poses, whichever hypothesis is right.
     """
     best, beaten = least(posteriors, measured), list[tuple[float, Posterior, tuple[Rival, ...]]]()
     while True:
-        rivals = _rivals(best, posteriors, measured, few, light, old, part, rng)
+        rivals = _rivals(best, posteriors, measured, few, light, old, asides, rng)
         strongest = min(rivals, key=lambda rival: rival.margin, default=None)
         if strongest is None or not strongest.margin < 0:
             return best, rivals
@@ -214,16 +226,24 @@ def _rivals(
     few: Rays,
     light: Light | None,
     old: TwoViewPose,
-    part: Part | None,
+    asides: Sequence[Part],
     rng: np.random.Generator,
 ) -> tuple[Rival, ...]:
-    others = [("another pose", fit, fit.eased) for fit in posteriors if not same_answer(best, fit.pose)]
+    others = [
+        (
+            "another pose",
+            fit,
+            fit if same_answer(best, fit.eased.pose) else fit.eased,
+        )  # or it is that
+        for fit in posteriors
+        if not same_answer(best, fit.pose)
+    ]
     for twin in twins_of(best.pose, best.points):
         if not (same_answer(best, twin) or any(same_pose(twin, fit.pose) for _, fit, _ in others)):
             fit = posterior_at(measured, replace(best.parameters, pose=twin), best.prior)
             others.append(("the twin", fit, fit))
     found = [
-        Rival(name, fit, _point_evidence(best, fit, eased, measured, part), 0.0, _moved(fit, old) - _moved(best, old))
+        Rival(name, fit, _point_evidence(best, fit, eased, measured, asides), 0.0, _moved(fit, old) - _moved(best, old))
         for name, fit, eased in others
     ]
     near = [index for index, rival in enumerate(found) if rival.margin < LIGHT_MATTERS]
@@ -244,7 +264,7 @@ def _strongest_of_each_pose(rivals: list[Rival]) -> tuple[Rival, ...]:
 
 
 def _point_evidence(
-    best: Posterior, rival: Posterior, eased: Posterior, measured: Measured, part: Part | None
+    best: Posterior, rival: Posterior, eased: Posterior, measured: Measured, asides: Sequence[Part]
 ) -> float:
     """Nats, of the points and of what has to be taken for a part of its own.
 
@@ -252,29 +272,31 @@ def _point_evidence(
     that is larger than what no model explains of a real wall, nor a slow error that one of them takes for a bow.
     """
     shared, floor = _shared_plane(best, rival, measured), Floor.of([best, rival])
-    lost, price, parts = _cheaper((rival, eased), floor, measured, part, ~shared)
-    held, own_price, own_parts = _cheaper((best, best.eased), floor, measured, part, ~shared)
+    lost, price, parts = _cheaper((rival, eased), floor, measured, asides, ~shared)
+    held, own_price, own_parts = _cheaper((best, best.eased), floor, measured, asides, ~shared)
     elsewhere = (lost - held)[~shared]
     told = float(elsewhere.sum()) * beyond_chance(elsewhere) + min(price - own_price, 0.0) + parts - own_parts
     if shared.any():  # lenses may follow what is slow, or be what makes it: of both, what tells less
         pairs = (best, rival), (best.eased, eased)
-        told += min((_of_shared(*pair, measured, part, shared) for pair in pairs), key=abs)
+        told += min((_of_shared(*pair, measured, asides, shared) for pair in pairs), key=abs)
     return 0.5 * told
 
 
-def _of_shared(best: Posterior, rival: Posterior, measured: Measured, part: Part | None, shared: BoolArray) -> float:
+def _of_shared(
+    best: Posterior, rival: Posterior, measured: Measured, asides: Sequence[Part], shared: BoolArray
+) -> float:
     floor = Floor.of([best, rival])
-    lost, held = (explained_costs(fit, floor, measured, part)[0] for fit in (rival, best))
+    lost, held = (explained_costs(fit, floor, measured, asides)[0] for fit in (rival, best))
     mean = float((lost - held)[shared].mean())
     unheld = ROUGH + _slow(rival if mean > 0 else best)
     return np.count_nonzero(shared) * float(np.sign(mean)) * max(abs(mean) - unheld, 0.0)
 
 
 def _cheaper(
-    fits: tuple[Posterior, Posterior], floor: Floor, measured: Measured, part: Part | None, rows: BoolArray
+    fits: tuple[Posterior, Posterior], floor: Floor, measured: Measured, asides: Sequence[Part], rows: BoolArray
 ) -> tuple[FloatArray, float, float]:
     """The `explained_costs` of whichever of the two, as it is or eased, costs less at those rows (N,)."""
-    found = [explained_costs(fit, floor, measured, part) for fit in fits]
+    found = [explained_costs(fit, floor, measured, asides) for fit in fits]
     return min(found, key=lambda one: float(one[0][rows].sum()) + one[1] + one[2])
 
 

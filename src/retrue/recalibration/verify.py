@@ -19,8 +19,9 @@ from retrue.geometry.arrays import FloatArray
 from retrue.geometry.transform import RigidTransform
 from retrue.geometry.two_view import epipolar_residuals, planes_of_pose
 from retrue.rasters import check_captures, picture_mirrored
+from retrue.recalibration.chance import deviations_limit
 from retrue.recalibration.fit import chi_square
-from retrue.recalibration.judge import Judgement, deviations_limit, drift, judge, objection, own_covariance, own_pose
+from retrue.recalibration.judge import Judgement, drift, judge, objection, own_covariance, own_pose
 from retrue.recalibration.options import RecalibrateOptions, VerifyOptions
 from retrue.recalibration.posterior import PosePrior, Prior, fit_posterior
 from retrue.recalibration.reasons import (
