@@ -92,6 +92,7 @@ from retrue.rig_difference import pixel_displacement
 
 COMPARED_POINTS = 1500  # enough to tell hypotheses apart; the best is then fitted to all
 LEAST_LEFT = 0.05  # of the points, as many as a plane holds at least
+LEAST_TURNED = 0.03  # of the points; wrong matches turn a few over, too
 HYPOTHESES = 4  # fitted with their lenses; the others explain much less
 
 
@@ -143,7 +144,7 @@ def judge(rig: Rig, captures: Sequence[Correspondences], options: RecalibrateOpt
     few = rays.thinned(COMPARED_POINTS, rng)
     noise, neighbours = match_noise(few.points, rng), nearest_points(few)
     turned = np.zeros(len(rays), dtype=np.bool_)
-    if np.count_nonzero(turned_over(few.points, neighbours, noise)) >= FEWEST_OF_A_PART:
+    if np.count_nonzero(turned_over(few.points, neighbours, noise)) > max(FEWEST_OF_A_PART, LEAST_TURNED * len(few)):
         turned = turned_over(rays.points, nearest_points(rays), noise)
     rays, homographies = with_planes(rays, float(rig.projector.K[0, 0]), options, rng, turned)
     few = rays.select(~turned).thinned(COMPARED_POINTS, rng)

@@ -28,6 +28,7 @@ from retrue.recalibration.bows import BOWS
 from retrue.recalibration.chance import without_chance
 from retrue.recalibration.fit import PoseFit, Support, evaluate, pose_difference, same_pose, squared_sigmas
 from retrue.recalibration.lens import LENS_PARAMETERS, LensPrior
+from retrue.recalibration.likelihood import negative_log_likelihood
 from retrue.recalibration.measured import Measured
 
 LENSES = 2 * LENS_PARAMETERS
@@ -232,6 +233,11 @@ class Posterior:
         except DegenerateError:
             return self
         return posterior_at(self.measured, moved.parameters, prior)
+
+    @cached_property
+    def losses(self) -> FloatArray:
+        """(2, N) `negative_log_likelihood` of both families of residuals."""
+        return negative_log_likelihood(self.fit, self.measured.support.blocks)
 
     @property
     def lens_covariance(self) -> FloatArray:

@@ -77,39 +77,19 @@ class Floor:
 
 
 def costs(posterior: Posterior, floor: Floor, neighbours: IntArray) -> FloatArray:
-    """(N,) -2 log likelihood of each point, up to a constant, saturated: of both its residuals in the hypothesis' own
-    noise, whose level over the floor's each point pays for.
+    """(N,) -2 log likelihood of each point, up to a constant, saturated: both residuals in the hypothesis' own noise,
+    see `negative_log_likelihood`, over the level of the floor.
 
-    Points of a block share an error: with s that of each by itself, and b of the block, n points of mean m have
-    rho((r - m) / s) + m^2 / (s^2 + n b^2) + 2 log s + log(1 + n b^2 / s^2) / n. As much as an unexplained point costs
-    one that the hypothesis has behind a device, or hides: surfaces are opaque, and planes that alternate all over the
-    picture are not two.
+    As much as an unexplained point costs one that the hypothesis has behind a device, or hides: surfaces are opaque,
+    and planes that alternate all over the picture are not two.
     """
-    fit, blocks = posterior.fit, posterior.measured.support.blocks
-    found = np.zeros(len(posterior.points))
-    families = zip(fit.found.both, fit.robust_weights, fit.noises, blocks, (floor.across, floor.along), strict=True)
-    for values, weights, noise, block, least in families:
-        number, mean = _means(values, weights, block)
-        apart = values - mean
-        square = np.where(weights > 0, weights * values**2, 0.0).sum()
-        within = float(np.where(weights > 0, weights * apart**2, 0.0).sum() / max(square, 1e-300))
-        own = noise.level**2 * within + MISFIT_PX**2
-        together = number * noise.shared**2 * noise.alikeness
-        loss = biweight_loss(apart / np.sqrt(own)) + mean**2 / (own + together)
-        loss += float(np.log(own / (least.level**2 + MISFIT_PX**2))) + np.log1p(together / own) / np.maximum(
-            number, 1.0
-        )
-        found += np.where(block < 0, 0.0, np.fmin(loss, UNEXPLAINED))  # along the line only points on planes have one
-    impossible = behind(posterior.pose, posterior.points, fit.epipolar_noise.level) | _hidden(posterior, neighbours)
+    levels = np.array([[floor.across.level], [floor.along.level]])
+    on_plane = posterior.measured.support.blocks >= 0
+    over = posterior.losses - np.where(on_plane, np.log(levels**2 + MISFIT_PX**2), 0.0)
+    found: FloatArray = np.fmin(over, UNEXPLAINED).sum(axis=0)
+    level = posterior.fit.epipolar_noise.level
+    impossible = behind(posterior.pose, posterior.points, level) | _hidden(posterior, neighbours)
     return np.where(impossible, np.maximum(found, UNEXPLAINED), found)
-
-
-def _means(values: FloatArray, weights: FloatArray, block: IntArray) -> tuple[FloatArray, FloatArray]:
-    """(N,) how many explained points lie in the block of each, by weight, and the mean of their residuals."""
-    weighted = np.where(weights > 0, weights * values, 0.0)
-    number = np.bincount(block + 1, weights).astype(np.float64)
-    mean = np.bincount(block + 1, weighted) / np.maximum(number, 1e-300)
-    return number[block + 1], mean[block + 1]
 
 
 def explained_costs(

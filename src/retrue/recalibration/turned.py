@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from itertools import combinations
-
 import numpy as np
 
 from retrue.geometry.arrays import BoolArray, FloatArray, IntArray
@@ -25,17 +23,16 @@ def turned_over(points: TwoViewPoints, neighbours: IntArray, noise: float) -> Bo
     >>> turned_over(seen, np.array([[1, 3, 5, 7]] * 9), 0.1)[4]
     np.True_
     """
-    turned, kept = np.zeros(len(points), dtype=np.int64), np.zeros(len(points), dtype=np.int64)
-    for first, second in combinations(neighbours.T, 2):
-        camera, projector = (_areas(rays, first, second, noise) for rays in (points.camera_rays, points.projector_rays))
-        turned += camera * projector < 0
-        kept += camera * projector > 0
-    return (turned >= FEWEST_TRIANGLES) & (kept == 0)
+    camera, projector = (_signs(rays, neighbours, noise) for rays in (points.camera_rays, points.projector_rays))
+    signs = camera * projector
+    return (np.count_nonzero(signs < 0, axis=1) >= FEWEST_TRIANGLES) & ~(signs > 0).any(axis=1)
 
 
-def _areas(rays: FloatArray, first: IntArray, second: IntArray, noise: float) -> FloatArray:
-    """(N,) the sign of each point's triangle with these two; 0 where noise may have made it."""
-    a, b = rays[first] - rays, rays[second] - rays
-    area = a[:, 0] * b[:, 1] - a[:, 1] * b[:, 0]
-    clear = np.abs(area) > CLEAR * noise * np.sqrt((a**2).sum(axis=1) + (b**2).sum(axis=1))
-    return np.where(clear, np.sign(area), 0.0)
+def _signs(rays: FloatArray, neighbours: IntArray, noise: float) -> FloatArray:
+    """(N, pairs) of the areas of each point's triangles with two of its neighbours; 0 where noise may have made it."""
+    apart = rays[neighbours] - rays[:, None]
+    squares = (apart**2).sum(axis=2)
+    first, second = np.triu_indices(neighbours.shape[1], 1)
+    x, y = apart[..., 0], apart[..., 1]
+    area = x[:, first] * y[:, second] - y[:, first] * x[:, second]
+    return np.where(area**2 > (CLEAR * noise) ** 2 * (squares[:, first] + squares[:, second]), np.sign(area), 0.0)

@@ -1,0 +1,34 @@
+"""What each residual costs in the noise of its own fit, where points of a block share an error."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from retrue.geometry.arrays import FloatArray, IntArray
+from retrue.geometry.robust import biweight_loss
+from retrue.recalibration.fit import PoseFit
+from retrue.recalibration.measured import MISFIT_PX
+
+
+def negative_log_likelihood(fit: PoseFit, blocks: IntArray) -> FloatArray:
+    """(2, N) twice that of each residual across and along its epipolar line, up to a constant; `blocks` (2, N).
+
+    With s the noise of each point by itself and b that of its block, n explained points of mean m each have
+    rho((r - m) / s) + m^2 / (s^2 + n b^2) + 2 log s + log(1 + n b^2 / s^2) / n: the log likelihood of a Gaussian with
+    such a covariance, shared out. s is not below what real lenses leave over. NaN where there is no residual, 0 of
+    points on no plane along the line.
+    """
+    found = np.empty(fit.robust_weights.shape)
+    families = zip(fit.found.both, fit.robust_weights, fit.noises, blocks, found, strict=True)
+    for values, weights, noise, block, loss in families:
+        weighted = np.where(weights > 0, weights * values, 0.0)
+        numbers, sums = np.bincount(block + 1, weights), np.bincount(block + 1, weighted)
+        means = sums / np.maximum(numbers, 1e-300)
+        square = np.where(weights > 0, weighted * values, 0.0).sum()
+        within = 1 - float(sums @ means) / max(float(square), 1e-300)
+        own = noise.level**2 * max(within, 0.0) + MISFIT_PX**2
+        together = numbers * (noise.shared**2 * noise.alikeness)
+        of_block = means**2 / (own + together) + np.log1p(together / own) / np.maximum(numbers, 1.0) + np.log(own)
+        loss[:] = biweight_loss((values - means[block + 1]) / np.sqrt(own)) + of_block[block + 1]
+        loss[block < 0] = 0.0
+    return found
