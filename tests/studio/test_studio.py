@@ -9,6 +9,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+import cv2
 import numpy as np
 import pytest
 
@@ -55,7 +56,7 @@ def test_a_bump_is_found_kept_and_undone(studio: Studio):
     assert look is not None
     assert look.good, look.sentence
     assert look.sentence.startswith("good: ")
-    assert set(look.meters) == {"light", "clipping", "stillness", "blocks"}
+    assert set(look.meters) == {"light", "clipping", "focus", "stillness", "blocks"}
     assert min(look.meters.values()) > 0.7
 
     before = retrue.read_rig(studio.rig_path)
@@ -178,8 +179,13 @@ def test_one_sentence_says_what_to_do():
     assert look_at(pattern, image // 12).sentence.startswith("too dark: ")
     assert look_at(pattern, np.minimum(image.astype(int) * 12, 255).astype(np.uint8)).sentence.startswith("clipped: ")
     assert look_at(pattern, np.ascontiguousarray(image[:, ::-1])).sentence.startswith("mirrored: ")
+    blurred = look_at(pattern, cv2.GaussianBlur(image, (0, 0), 3))
+    assert blurred.sentence.startswith("out of focus: turn the lens of the camera or the projector")
+    sharp, soft = (look_at(pattern, picture).meters["focus"] for picture in (image, cv2.GaussianBlur(image, (0, 0), 1)))
+    assert sharp > soft > blurred.meters["focus"]
     plain = np.full_like(image, 120)
     assert not look_at(pattern, plain).good
+    assert "focus" not in look_at(pattern, plain).meters  # nothing tells
 
 
 @dataclass

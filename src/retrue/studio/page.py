@@ -14,7 +14,7 @@ from retrue.studio.studio import NO_RIG, Studio
 
 REFRESH = 0.25  # seconds
 SPACE = "width:100%;height:480px;border:0"
-METERS = ("light", "clipping", "stillness", "blocks")
+METERS = ("light", "clipping", "focus", "stillness", "blocks")
 
 
 class Page:
