@@ -115,7 +115,8 @@ def _seen(changes: Sequence[Change], probes: Probes, gamma: float, period: float
         arrivals = np.array(change.arrivals) - first
         none_lost = np.arange(len(arrivals), dtype=np.float64)
         by_time = np.concatenate([[0.0], np.cumsum(np.maximum(np.round(np.diff(arrivals) / period), 1))])
-        ways = [none_lost] if np.array_equal(none_lost, by_time) else [none_lost, by_time]
+        one_lost = [none_lost + (none_lost > after) for after in none_lost[:-1]]  # of late frames, no time tells it
+        ways = list({tuple(way): way for way in (none_lost, by_time, *one_lost)}.values())
         found.append(_Seen(change.at - first, arrivals, light if change.white else 1 - light, ways))
     return found
 
