@@ -50,29 +50,32 @@ def virtual_screen(folder: Path, size: tuple[int, int]) -> Generator[VirtualScre
 
 @contextlib.contextmanager
 def wayland_desktop(folder: Path, size: tuple[int, int]) -> Generator[tuple[VirtualScreen, dict[str, str]]]:
-    """A compositor whose only output fills a virtual screen, and the environment in which programs find it.
+    """A compositor whose only output fills a virtual screen, and the environment in which programs find it."""
+    with virtual_screen(folder, size) as screen, weston(folder, "x11", size) as environment:
+        yield screen, environment
 
-    Nested in an X server, it has a keyboard and a pointer; without any, GLFW does not start.
-    """
+
+@contextlib.contextmanager
+def weston(folder: Path, backend: str, size: tuple[int, int]) -> Generator[dict[str, str]]:
+    """The compositor, and the environment in which programs find it; a headless one has neither keyboard nor mouse."""
     folder.chmod(0o700)
-    with virtual_screen(folder, size) as screen:
-        settings = {**os.environ, "XDG_RUNTIME_DIR": str(folder), "LIBGL_ALWAYS_SOFTWARE": "1"}
-        output = [f"--width={size[0]}", f"--height={size[1]}", "--use-pixman"]
-        desktop = ["--backend=x11-backend.so", "--shell=kiosk-shell.so", "--socket=wayland-test", "--idle-time=0"]
-        server = subprocess.Popen(
-            ["weston", *desktop, *output], env=settings, stderr=subprocess.DEVNULL, stdout=subprocess.DEVNULL
-        )
-        try:
-            end = time.monotonic() + 60
-            while not (folder / "wayland-test").is_socket():
-                assert server.poll() is None
-                assert time.monotonic() < end
-                time.sleep(0.05)
-            settings.pop("DISPLAY")
-            yield screen, {**settings, "WAYLAND_DISPLAY": "wayland-test", "XDG_SESSION_TYPE": "wayland"}
-        finally:
-            server.terminate()
-            server.wait()
+    settings = {**os.environ, "XDG_RUNTIME_DIR": str(folder), "LIBGL_ALWAYS_SOFTWARE": "1"}
+    output = [f"--width={size[0]}", f"--height={size[1]}", "--use-pixman"]
+    desktop = [f"--backend={backend}-backend.so", "--shell=kiosk-shell.so", "--socket=wayland-test", "--idle-time=0"]
+    server = subprocess.Popen(
+        ["weston", *desktop, *output], env=settings, stderr=subprocess.DEVNULL, stdout=subprocess.DEVNULL
+    )
+    try:
+        end = time.monotonic() + 60
+        while not (folder / "wayland-test").is_socket():
+            assert server.poll() is None
+            assert time.monotonic() < end
+            time.sleep(0.05)
+        settings.pop("DISPLAY", None)
+        yield {**settings, "WAYLAND_DISPLAY": "wayland-test", "XDG_SESSION_TYPE": "wayland"}
+    finally:
+        server.terminate()
+        server.wait()
 
 
 class VirtualScreen:
