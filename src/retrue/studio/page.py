@@ -83,7 +83,7 @@ class Page:
         self._check.set_enabled(looking and state.rig_there)
         self._scan.set_enabled(looking and state.rig_there)
         self._keep.set_enabled(free and (state.offer is not None or calibrated))
-        self._undo.set_enabled(looking)
+        self._undo.set_enabled(looking and (state.rig_there or state.offer is not None))
         self._watch.set_enabled(looking and (state.rig_there or state.watching))
 
     def _show_look(self, state: State, look: Look) -> None:

@@ -33,7 +33,7 @@ from retrue.recalibration.verify import verify
 from retrue.reconstruction.reconstruct import reconstruct
 from retrue.rig import Rig
 from retrue.studio.calibrating import Calibrating, begun
-from retrue.studio.drift_log import DriftLog, Reading
+from retrue.studio.drift_log import DriftLog, Reading, drift_in_words
 from retrue.studio.look import Look, look_at
 from retrue.studio.state import Offer, State
 
@@ -276,7 +276,7 @@ class Studio:
         last = self.state.readings[-1].verdict if self.state.readings else "good"
         self._set(readings=tuple(self._drift.readings))
         if found.verdict != last and found.verdict == "drifted":
-            self._set(message=f"drifted: {found.reason}; press Check")
+            self._set(message=f"drifted: {drift_in_words(found, self.unit)}; press Check")
 
     def _check(self, live: LiveRig, pattern: ColorGrid) -> None:
         rig = self._rig()
@@ -291,7 +291,8 @@ class Studio:
             self._set(message=f"drifted, but this picture cannot tell the new pose: {result.reason}")
             return
         offer = Offer(result, reconstruct(rig, points), reconstruct(result.rig, points))
-        self._set(offer=offer, message=f"drifted: {found.reason}; recalibrated: {result.reason}")
+        words = f"drifted: {drift_in_words(found, rig.unit)}; recalibrated: keep the new rig, or undo"
+        self._set(offer=offer, message=words)
 
     def _keep(self, live: LiveRig, _pattern: ColorGrid) -> None:
         calibrating = self._calibrating
