@@ -61,9 +61,7 @@ def numbered(lost: set[int], arrivals: np.ndarray, spread: float) -> tuple[list[
         picture = recorder.references.black.astype(float).reshape(-1, 3)
         picture[probes.index] = probes.black + light[..., None] * (probes.white - probes.black)
         order.add(picture.reshape(recorder.references.black.shape), float(arrivals[number]))
-    order.end()
-    assert order.best is not None
-    placed = list(order.best.back())[::-1]
+    placed = list(order.ended()[0].back())[::-1]
     assert all((one.off[probes.lit] <= FITS).all() for one in placed)
     return numbers, [one.number for one in placed]
 

@@ -88,6 +88,11 @@ class Placed:
             yield placed
             placed = placed.before
 
+    def is_alone(self, show: int) -> bool:
+        """Whether the frame holds nothing but that, as far as it tells."""
+        place = show - self.first
+        return 0 <= place < self.shares.shape[1] and bool((self.shares[:, place] >= 1 - TOUCHED).all())
+
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Numbering:
@@ -165,9 +170,14 @@ class FrameOrder:
         self._arrived = arrival
         self._count += 1
 
-    def end(self) -> None:
-        """No more frames: what other numberings, as good as the best, say otherwise is doubtful."""
-        self._alive = [_doubted(self._alive)]
+    def ended(self) -> tuple[Placed, int]:
+        """As `settled`, where nothing that comes tells more: what numberings as good as the best deny is doubtful."""
+        last = _doubted(self._alive).last
+        return last, last.number + 1
+
+    def all_show(self, show: int) -> bool:
+        """Whether the last frame holds nothing but that, by each numbering that is followed."""
+        return all(numbering.last.is_alone(show) for numbering in self._alive)
 
     def _placed(self, before: _Numbering | None, number: int, cost: float, seen: FloatArray) -> _Numbering:
         """The filter's step: that frame taken for that exposure."""
