@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import ctypes
 import os
 import shutil
 import struct
@@ -10,6 +11,7 @@ import subprocess
 import time
 from collections.abc import Generator
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -100,3 +102,54 @@ class VirtualScreen:
                 return False
             time.sleep(0.02)
         return True
+
+    @contextlib.contextmanager
+    def unplugged(self) -> Generator[None]:
+        """The monitor, by RandR."""
+        x11, randr = ctypes.CDLL("libX11.so.6"), ctypes.CDLL("libXrandr.so.2")
+        x11.XOpenDisplay.restype = ctypes.c_void_p
+        x11.XDefaultRootWindow.restype = ctypes.c_ulong
+        display = ctypes.c_void_p(x11.XOpenDisplay(None))
+        root = ctypes.c_ulong(x11.XDefaultRootWindow(display))
+        randr.XRRGetScreenResources.restype = ctypes.POINTER(_Resources)
+        randr.XRRGetCrtcInfo.restype = ctypes.POINTER(_Crtc)
+        resources = randr.XRRGetScreenResources(display, root)
+        crtc = ctypes.c_ulong(resources.contents.crtcs[0])
+        info = randr.XRRGetCrtcInfo(display, resources, crtc).contents
+
+        def set_up(mode: int, outputs: Any, count: int) -> None:
+            now, upright = ctypes.c_ulong(0), 1
+            assert not randr.XRRSetCrtcConfig(
+                display, resources, crtc, now, 0, 0, ctypes.c_ulong(mode), upright, outputs, count
+            )
+            x11.XSync(display, 0)
+
+        set_up(0, None, 0)
+        try:
+            yield
+        finally:
+            set_up(info.mode, info.outputs, info.noutput)
+            x11.XCloseDisplay(display)
+
+
+class _Resources(ctypes.Structure):
+    _fields_ = [
+        ("timestamp", ctypes.c_ulong),
+        ("config_timestamp", ctypes.c_ulong),
+        ("ncrtc", ctypes.c_int),
+        ("crtcs", ctypes.POINTER(ctypes.c_ulong)),
+    ]
+
+
+class _Crtc(ctypes.Structure):
+    _fields_ = [
+        ("timestamp", ctypes.c_ulong),
+        ("x", ctypes.c_int),
+        ("y", ctypes.c_int),
+        ("width", ctypes.c_uint),
+        ("height", ctypes.c_uint),
+        ("mode", ctypes.c_ulong),
+        ("rotation", ctypes.c_ushort),
+        ("noutput", ctypes.c_int),
+        ("outputs", ctypes.POINTER(ctypes.c_ulong)),
+    ]

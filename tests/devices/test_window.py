@@ -90,9 +90,25 @@ def test_a_desktop_without_keyboard_and_mouse_is_one_sentence(tmp_path: Path):
     )
 
 
+def test_a_monitor_that_is_unplugged_is_waited_for_and_shows_what_it_showed(tmp_path: Path):
+    picture = np.random.default_rng(3).integers(0, 256, (600, 800, 3), dtype=np.uint8)
+    write_png(tmp_path / "picture.png", picture)
+    with virtual_screen(tmp_path, SIZE) as screen, contextlib.ExitStack() as stack:
+        words = [sys.executable, "-c", *PROJECT, "picture.png"]
+        run = stack.enter_context(subprocess.Popen(words, cwd=tmp_path, stderr=subprocess.PIPE, text=True))
+        stack.callback(run.kill)
+        assert run.stderr is not None
+        assert screen.shows(picture, patience=30.0)
+        with screen.unplugged():
+            assert run.stderr.readline() == "screen 0: is gone: plug it in, switch the projector on; waiting for it\n"
+            assert not np.array_equal(screen.pixels(), picture)
+        assert screen.shows(picture, patience=30.0)
+        assert run.stderr.readline() == "screen 0: is back\n"
+        assert run.poll() is None
+
+
 @needs_wayland
-def test_a_screen_that_goes_away_is_waited_for_and_shows_what_it_showed(tmp_path: Path):
-    """The whole desktop ends, and another one begins."""
+def test_a_desktop_that_ends_is_waited_for_and_shows_what_it_showed(tmp_path: Path):
     picture = np.random.default_rng(3).integers(0, 256, (600, 800, 3), dtype=np.uint8)
     write_png(tmp_path / "picture.png", picture)
     runtime = tmp_path / "runtime"
