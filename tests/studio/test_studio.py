@@ -117,15 +117,18 @@ def test_a_camera_that_goes_away_is_named_and_gone_on_with(studio: Studio, monke
 def test_a_disk_that_is_full_is_one_sentence_and_what_was_offered_can_be_kept_later(
     studio: Studio, monkeypatch: pytest.MonkeyPatch
 ):
+    def no_room(*_: object) -> None:
+        raise FileError(studio.rig_path, "cannot be written: No space left on device")
+
     wait(studio, lambda state: state.look is not None)
+    with monkeypatch.context() as full:
+        full.setattr("retrue.studio.studio.write_rig", no_room)
+        assert "No space left" in asked(studio, lambda: studio.bump(2.0)).message
+    assert asked(studio, studio.check).message.startswith("good: ")  # not bumped either
     asked(studio, lambda: studio.bump(2.0))
     assert asked(studio, studio.check).offer is not None
     before = studio.rig_path.read_bytes()
     with monkeypatch.context() as full:
-
-        def no_room(*_: object) -> None:
-            raise FileError(studio.rig_path, "cannot be written: No space left on device")
-
         full.setattr("retrue.studio.studio.write_in_place", no_room)
         state = asked(studio, studio.keep)
         assert state.message == f"{studio.rig_path}: cannot be written: No space left on device"

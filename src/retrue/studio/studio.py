@@ -21,7 +21,7 @@ from retrue.devices.exposure import find_exposure
 from retrue.devices.recorder import Recorder
 from retrue.devices.setup import Setup
 from retrue.devices.shown_pictures import Picture, black_and_white
-from retrue.errors import DeviceError, InputError, RetrueError
+from retrue.errors import DeviceError, FileError, InputError, RetrueError
 from retrue.files.history import capture_record, read_history, roll_back, write_in_place
 from retrue.files.models import write_cloud
 from retrue.files.rigs import read_rig, write_rig
@@ -163,8 +163,13 @@ class Studio:
         def turn(live: LiveRig, _pattern: ColorGrid) -> None:
             if live.simulated is None:
                 raise InputError("only a simulated rig can be bumped from here")
+            before = live.simulated.true_rig.projector_from_camera
             live.simulated.bump((0.3 * degrees, 0.9 * degrees, 0.3 * degrees))
-            write_rig(self._truth, live.simulated.true_rig)
+            try:
+                write_rig(self._truth, live.simulated.true_rig)
+            except FileError:
+                live.simulated.move_to(before)
+                raise
             self._set(message=f"the projector was turned by {degrees:g} deg", verification=None, offer=None)
 
         self._ask("bumping the rig", turn)
