@@ -113,7 +113,8 @@ class _Numbering:
 
     def state(self) -> tuple[int, int, bytes]:
         """Where it is, and how well it knows the pictures there: what comes depends on nothing else before."""
-        sigma = np.sqrt(self.covariance[:, range(self.mean.shape[1]), range(self.mean.shape[1])])
+        variance = self.covariance[:, range(self.mean.shape[1]), range(self.mean.shape[1])]
+        sigma = np.sqrt(np.maximum(variance, 0.0))  # it may round to less
         return self.last.number, self.last.first, np.round(sigma / SIGMA).tobytes()
 
 

@@ -35,6 +35,8 @@ def focus(picture: Image, points: Correspondences) -> float | None:
     seen = cv2.remap(picture, at[..., 0], at[..., 1], cv2.INTER_LINEAR).reshape(*at.shape[:2], -1).max(axis=2)
     seen = seen.astype(np.float64)
     fall = np.ptp(seen, axis=1)
+    if np.count_nonzero(fall) < FEWEST:
+        return None
     profile = np.mean(seen[fall > 0] / fall[fall > 0, None], axis=0)
     distance = float(np.median(np.linalg.norm(ends[1] - ends[0], axis=1)))
     widest = distance / np.pi
