@@ -9,7 +9,7 @@ import shutil
 import struct
 import subprocess
 import time
-from collections.abc import Generator
+from collections.abc import Callable, Generator
 from pathlib import Path
 from typing import Any
 
@@ -96,8 +96,16 @@ class VirtualScreen:
 
     def shows(self, picture: np.ndarray, patience: float = 10.0) -> bool:
         """Whether it comes to show exactly that."""
+        return self._comes_to(lambda: np.array_equal(self.pixels(), picture), patience)
+
+    def hides(self, picture: np.ndarray, patience: float = 10.0) -> bool:
+        """Whether it comes to show something else."""
+        return self._comes_to(lambda: not np.array_equal(self.pixels(), picture), patience)
+
+    @staticmethod
+    def _comes_to(happens: Callable[[], bool], patience: float) -> bool:
         end = time.monotonic() + patience
-        while not np.array_equal(self.pixels(), picture):
+        while not happens():
             if time.monotonic() > end:
                 return False
             time.sleep(0.02)
