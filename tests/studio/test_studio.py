@@ -65,6 +65,8 @@ def test_a_bump_is_found_kept_and_undone(studio: Studio):
     state = asked(studio, studio.check)
     assert state.verification is not None
     assert state.verification.verdict == "drifted"
+    said = r"drifted: points are \d+ mm off at \d+ mm \(sigma \S+ mm\), turned by \S+ deg; recalibrated: keep the .*"
+    assert re.fullmatch(said, state.message)
     assert state.offer is not None
     assert len(state.offer.before) > 500
     assert retrue.read_rig(studio.rig_path) == before  # nothing is written before it is kept
