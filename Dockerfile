@@ -1,4 +1,6 @@
-# docker build -t retrue . && docker run --rm -v "$PWD:/work" retrue verify rig.json wall.jpg --pattern pattern.json
+# docker build -t retrue .
+# docker run --rm --user "$(id -u)" --volume "$PWD:/work" retrue verify rig.json wall.jpg --pattern pattern.json
+# docker run --rm --user "$(id -u)" --volume "$PWD:/work" --network host retrue studio --simulated
 FROM python:3.11-slim AS build
 RUN apt-get update && apt-get install --yes --no-install-recommends gcc libc6-dev && rm -rf /var/lib/apt/lists/*
 WORKDIR /source

@@ -45,7 +45,7 @@ browser:  # for the tests of the HTML reports and the manual, on Debian; without
 	command -v chromium || (apt-get update && DEBIAN_FRONTEND=noninteractive apt-get install --yes --no-install-recommends chromium)
 
 display:  # a virtual screen for the tests of the projector's window, on Debian; without it they are skipped
-	(command -v Xvfb && command -v weston) || (apt-get update && DEBIAN_FRONTEND=noninteractive apt-get install --yes --no-install-recommends xvfb weston libgl1 libgl1-mesa-dri libegl1)
+	(command -v Xvfb && command -v weston) || (apt-get update && DEBIAN_FRONTEND=noninteractive apt-get install --yes --no-install-recommends xvfb weston libxrandr2 libgl1 libgl1-mesa-dri libegl1)
 
 shells:  # for the tests of completion, on Debian; without them they are skipped
 	command -v zsh || (apt-get update && DEBIAN_FRONTEND=noninteractive apt-get install --yes --no-install-recommends zsh)

@@ -1,8 +1,8 @@
 """Thousands of pictures shown and recorded on the simulated rig: none mixed, none wrong, none lost; and how quickly.
 
-python -m benchmarks.capture [PICTURES] [--stream PICTURES]: 10 000 pictures by default, in records of 42, each on a rig
-of its own with random lag of 0 to 5 frames, lost frames, and exposures that roll across the changes. Then the same from
-MJPEG streams over HTTP.
+python -m benchmarks.capture [PICTURES] [--stream PICTURES] [--fps 25]: 10 000 pictures by default, in records of 42,
+each on a rig of its own with random lag of 0 to 5 frames, lost frames, and exposures that roll across the changes.
+Then the same from MJPEG streams over HTTP.
 """
 
 from __future__ import annotations
@@ -21,7 +21,6 @@ from tests.devices.mjpeg import streaming
 from tests.devices.rigs import GRAY, Witness, small_rig
 
 STREAMS = 4
-FPS = 25.0
 RECORD = 42  # pictures: those of a Gray code of 1024 x 768
 
 
@@ -29,6 +28,7 @@ def main() -> None:
     parser = argparse.ArgumentParser()
     parser.add_argument("pictures", type=int, nargs="?", default=10_000)
     parser.add_argument("--stream", type=int, default=10_000, help="pictures from streams")
+    parser.add_argument("--fps", type=float, default=25.0, help="of the streams")
     asked = parser.parse_args()
     kinds = {
         "steady: lag 0 to 5, exposures fit between changes": steady,
@@ -37,10 +37,10 @@ def main() -> None:
         "jittery: the lag changes from frame to frame, 0 to 5": jittery,
     }
     print(f"{'':70} pictures  mixed or wrong  frames a picture")
-    for name, options in kinds.items():
+    for name, options in kinds.items() if asked.pictures else ():
         measure(name, options, asked.pictures // len(kinds))
     for number in range(STREAMS if asked.stream else 0):
-        stream(number, asked.stream // STREAMS)
+        stream(number, asked.stream // STREAMS, asked.fps)
 
 
 def steady(random: np.random.Generator) -> dict[str, Any]:
@@ -86,11 +86,11 @@ def told(rates: list[float]) -> str:
     return f"{np.median(rates):.2f} (95 % {np.percentile(rates, 95):.2f}, worst {max(rates):.2f})"
 
 
-def stream(seed: int, pictures: int) -> None:
+def stream(seed: int, pictures: int, fps: float) -> None:
     """Records from one stream, told by what the same rig shows without noise."""
     random = np.random.default_rng(seed)
     options = {"lag_frames": int(random.integers(6)), "drop": 0.01 * seed, "readout": float(random.uniform(0.2, 0.9))}
-    rig = small_rig(real_time=True, fps=FPS, gamma=2.2, seed=seed, exposure_ms=20.0, bright_ms=20.0, **options)
+    rig = small_rig(real_time=True, fps=fps, gamma=2.2, seed=seed, exposure_ms=20.0, bright_ms=20.0, **options)
     still = small_rig(gamma=2.2, electrons=np.inf, lag_frames=0)
     clean: list[np.ndarray] = []
     for picture in GRAY:
@@ -105,12 +105,12 @@ def stream(seed: int, pictures: int) -> None:
             shown = random.integers(len(GRAY), size=RECORD)
             start = time.perf_counter()
             frames = recorder.record([GRAY[int(index)] for index in shown])
-            rates.append((time.perf_counter() - start) * FPS / RECORD)
+            rates.append((time.perf_counter() - start) * fps / RECORD)
             for index, frame in zip(shown, frames, strict=True):
                 apart = [float(np.abs(frame.picture - picture).mean()) for picture in clean]
                 wrong += not (apart[index] < 4 and apart[index] <= min(apart) + 1e-9)
             done += RECORD
-    name = f"MJPEG over HTTP, {FPS:g} frames a second, lag {rig.options.lag_frames}, {rig.options.drop:.0%} lost"
+    name = f"MJPEG over HTTP, {fps:g} frames a second, lag {rig.options.lag_frames}, {rig.options.drop:.0%} lost"
     print(f"{name:70} {done:8}  {wrong:14}  {told(rates)}", flush=True)
 
 

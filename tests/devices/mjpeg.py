@@ -13,8 +13,8 @@ from retrue.devices.protocols import CameraDriver
 
 
 @contextlib.contextmanager
-def streaming(camera: CameraDriver, quality: int = 95) -> Generator[str]:
-    """The stream's address, until the block ends."""
+def streaming(camera: CameraDriver, quality: int = 95, port: int = 0) -> Generator[str]:
+    """The stream's address, until the block ends; of a free port, where none is named."""
     ended = threading.Event()
 
     class Handler(BaseHTTPRequestHandler):
@@ -31,7 +31,7 @@ def streaming(camera: CameraDriver, quality: int = 95) -> Generator[str]:
 
         def log_message(self, format: str, *args: object) -> None: ...
 
-    server = ThreadingHTTPServer(("127.0.0.1", 0), Handler)
+    server = ThreadingHTTPServer(("127.0.0.1", port), Handler)
     server.daemon_threads = True
     thread = threading.Thread(target=server.serve_forever, daemon=True)
     thread.start()

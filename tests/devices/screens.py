@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 import contextlib
+import ctypes
 import os
 import shutil
 import struct
 import subprocess
 import time
-from collections.abc import Generator
+from collections.abc import Callable, Generator
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -50,29 +52,32 @@ def virtual_screen(folder: Path, size: tuple[int, int]) -> Generator[VirtualScre
 
 @contextlib.contextmanager
 def wayland_desktop(folder: Path, size: tuple[int, int]) -> Generator[tuple[VirtualScreen, dict[str, str]]]:
-    """A compositor whose only output fills a virtual screen, and the environment in which programs find it.
+    """A compositor whose only output fills a virtual screen, and the environment in which programs find it."""
+    with virtual_screen(folder, size) as screen, weston(folder, "x11", size) as environment:
+        yield screen, environment
 
-    Nested in an X server, it has a keyboard and a pointer; without any, GLFW does not start.
-    """
+
+@contextlib.contextmanager
+def weston(folder: Path, backend: str, size: tuple[int, int]) -> Generator[dict[str, str]]:
+    """The compositor, and the environment in which programs find it; a headless one has neither keyboard nor mouse."""
     folder.chmod(0o700)
-    with virtual_screen(folder, size) as screen:
-        settings = {**os.environ, "XDG_RUNTIME_DIR": str(folder), "LIBGL_ALWAYS_SOFTWARE": "1"}
-        output = [f"--width={size[0]}", f"--height={size[1]}", "--use-pixman"]
-        desktop = ["--backend=x11-backend.so", "--shell=kiosk-shell.so", "--socket=wayland-test", "--idle-time=0"]
-        server = subprocess.Popen(
-            ["weston", *desktop, *output], env=settings, stderr=subprocess.DEVNULL, stdout=subprocess.DEVNULL
-        )
-        try:
-            end = time.monotonic() + 60
-            while not (folder / "wayland-test").is_socket():
-                assert server.poll() is None
-                assert time.monotonic() < end
-                time.sleep(0.05)
-            settings.pop("DISPLAY")
-            yield screen, {**settings, "WAYLAND_DISPLAY": "wayland-test", "XDG_SESSION_TYPE": "wayland"}
-        finally:
-            server.terminate()
-            server.wait()
+    settings = {**os.environ, "XDG_RUNTIME_DIR": str(folder), "LIBGL_ALWAYS_SOFTWARE": "1"}
+    output = [f"--width={size[0]}", f"--height={size[1]}", "--use-pixman"]
+    desktop = [f"--backend={backend}-backend.so", "--shell=kiosk-shell.so", "--socket=wayland-test", "--idle-time=0"]
+    server = subprocess.Popen(
+        ["weston", *desktop, *output], env=settings, stderr=subprocess.DEVNULL, stdout=subprocess.DEVNULL
+    )
+    try:
+        end = time.monotonic() + 60
+        while not (folder / "wayland-test").is_socket():
+            assert server.poll() is None
+            assert time.monotonic() < end
+            time.sleep(0.05)
+        settings.pop("DISPLAY", None)
+        yield {**settings, "WAYLAND_DISPLAY": "wayland-test", "XDG_SESSION_TYPE": "wayland"}
+    finally:
+        server.terminate()
+        server.wait()
 
 
 class VirtualScreen:
@@ -91,9 +96,68 @@ class VirtualScreen:
 
     def shows(self, picture: np.ndarray, patience: float = 10.0) -> bool:
         """Whether it comes to show exactly that."""
+        return self._comes_to(lambda: np.array_equal(self.pixels(), picture), patience)
+
+    def hides(self, picture: np.ndarray, patience: float = 10.0) -> bool:
+        """Whether it comes to show something else."""
+        return self._comes_to(lambda: not np.array_equal(self.pixels(), picture), patience)
+
+    @staticmethod
+    def _comes_to(happens: Callable[[], bool], patience: float) -> bool:
         end = time.monotonic() + patience
-        while not np.array_equal(self.pixels(), picture):
+        while not happens():
             if time.monotonic() > end:
                 return False
             time.sleep(0.02)
         return True
+
+    @contextlib.contextmanager
+    def unplugged(self) -> Generator[None]:
+        """The monitor, by RandR."""
+        x11, randr = ctypes.CDLL("libX11.so.6"), ctypes.CDLL("libXrandr.so.2")
+        x11.XOpenDisplay.restype = ctypes.c_void_p
+        x11.XDefaultRootWindow.restype = ctypes.c_ulong
+        display = ctypes.c_void_p(x11.XOpenDisplay(None))
+        root = ctypes.c_ulong(x11.XDefaultRootWindow(display))
+        randr.XRRGetScreenResources.restype = ctypes.POINTER(_Resources)
+        randr.XRRGetCrtcInfo.restype = ctypes.POINTER(_Crtc)
+        resources = randr.XRRGetScreenResources(display, root)
+        crtc = ctypes.c_ulong(resources.contents.crtcs[0])
+        info = randr.XRRGetCrtcInfo(display, resources, crtc).contents
+
+        def set_up(mode: int, outputs: Any, count: int) -> None:
+            now, upright = ctypes.c_ulong(0), 1
+            assert not randr.XRRSetCrtcConfig(
+                display, resources, crtc, now, 0, 0, ctypes.c_ulong(mode), upright, outputs, count
+            )
+            x11.XSync(display, 0)
+
+        set_up(0, None, 0)
+        try:
+            yield
+        finally:
+            set_up(info.mode, info.outputs, info.noutput)
+            x11.XCloseDisplay(display)
+
+
+class _Resources(ctypes.Structure):
+    _fields_ = [
+        ("timestamp", ctypes.c_ulong),
+        ("config_timestamp", ctypes.c_ulong),
+        ("ncrtc", ctypes.c_int),
+        ("crtcs", ctypes.POINTER(ctypes.c_ulong)),
+    ]
+
+
+class _Crtc(ctypes.Structure):
+    _fields_ = [
+        ("timestamp", ctypes.c_ulong),
+        ("x", ctypes.c_int),
+        ("y", ctypes.c_int),
+        ("width", ctypes.c_uint),
+        ("height", ctypes.c_uint),
+        ("mode", ctypes.c_ulong),
+        ("rotation", ctypes.c_ushort),
+        ("noutput", ctypes.c_int),
+        ("outputs", ctypes.POINTER(ctypes.c_ulong)),
+    ]

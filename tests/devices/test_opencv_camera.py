@@ -12,6 +12,7 @@ import pytest
 from retrue.devices.opencv_camera import OpencvCamera
 from retrue.devices.options import RecordOptions
 from retrue.devices.recorder import Recorder
+from retrue.devices.steady import SteadyCamera
 from retrue.errors import DeviceError
 from tests.devices.mjpeg import streaming
 from tests.devices.rigs import GRAY, small_rig
@@ -28,6 +29,39 @@ def test_a_stream_records_what_was_shown():
         still.show(np.repeat(picture[..., None], 3, axis=2), 0.0)
         expected = [still.frame() for _ in range(3)][-1].picture
         assert np.abs(frame.picture.astype(float) - expected).mean() < 4  # grey levels: noise, and JPEG
+
+
+def test_a_stream_that_goes_away_is_gone_on_with_when_it_is_back_and_nobody_else_speaks(
+    capfd: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+):
+    monkeypatch.setattr("retrue.devices.steady.PAUSE", 0.01)
+    rig, told, tries = small_rig(real_time=True, fps=60.0), list[str](), list[int]()
+    with contextlib.ExitStack() as stack:
+        plugged = stack.enter_context(contextlib.ExitStack())
+        address = plugged.enter_context(streaming(rig.camera))
+        camera = stack.enter_context(contextlib.closing(SteadyCamera(OpencvCamera(address), told.append)))
+        camera.open()
+        before = camera.frame().at
+        plugged.close()
+        reopen = OpencvCamera.open
+
+        def plug_in(self: OpencvCamera) -> None:
+            """At the third try."""
+            tries.append(len(told))
+            if len(tries) == 3:
+                stack.enter_context(streaming(rig.camera, port=int(address.split(":")[2].split("/")[0])))
+            reopen(self)
+
+        monkeypatch.setattr(OpencvCamera, "open", plug_in)
+        while not tries:  # what had come before is handed out first
+            assert camera.frame().at > before
+    assert tries == [1, 1, 1]
+    name = f"camera {address}"
+    assert told == [
+        f"{name}: sends no frames any more: is it plugged in, and switched on?; waiting for it",
+        f"{name}: is back",
+    ]
+    assert capfd.readouterr() == ("", "")
 
 
 def test_a_file_gives_its_frames_and_then_says_that_it_has_ended(tmp_path: Path):

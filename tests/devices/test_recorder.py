@@ -28,6 +28,12 @@ def recorded(options: dict[str, Any]) -> tuple[Witness, Recorder, list[CameraFra
         {"lag_frames": 5, "readout": 0.95, "exposure_ms": 28.0, "bright_ms": 28.0},  # a change in each frame
         {"lag_frames": 3, "readout": 0.6, "exposure_ms": 15.0, "bright_ms": 15.0, "fps": 28.3, "drop": 0.02},
         {"lag_frames": 0, "lag_jitter_frames": 5, "readout": 0.8, "exposure_ms": 20.0, "bright_ms": 20.0},
+        {"lag_frames": 0, "lag_jitter_frames": 4, "readout": 0.94, "exposure_ms": 28.0, "bright_ms": 28.0}
+        | {
+            "scene": "step",
+            "drop": 0.03,
+            "seed": 3,
+        },  # frames are lost that no time tells of, one of them as it is timed
     ],
 )
 def test_each_picture_takes_little_more_than_two_frames_whatever_the_lag_and_the_shutter(options):

@@ -47,9 +47,9 @@ def numbered(lost: set[int], arrivals: np.ndarray, spread: float) -> tuple[list[
     recorder = Recorder(Witness(rig), rig.projector)
     recorder.measure()
     assert recorder.references is not None
-    probes, shutter = find_probes(recorder.references), Shutter(0.0, 1.0, 0.7, 0.6, spread=spread)
+    probes, shutter = find_probes(recorder.references), Shutter(0.0, 1.0, 0.94, 0.84, spread=spread)
     random, shows = np.random.default_rng(1), Shows()
-    for at in np.arange(4.05, 40, 2):
+    for at in np.arange(4.0, 40, 2):
         shows.add(float(at))
     shape = probes.index.shape
     looks = random.integers(0, 2, (len(shows.at), *shape)).astype(float)
@@ -61,9 +61,7 @@ def numbered(lost: set[int], arrivals: np.ndarray, spread: float) -> tuple[list[
         picture = recorder.references.black.astype(float).reshape(-1, 3)
         picture[probes.index] = probes.black + light[..., None] * (probes.white - probes.black)
         order.add(picture.reshape(recorder.references.black.shape), float(arrivals[number]))
-    order.end()
-    assert order.best is not None
-    placed = list(order.best.back())[::-1]
+    placed = list(order.ended()[0].back())[::-1]
     assert all((one.off[probes.lit] <= FITS).all() for one in placed)
     return numbers, [one.number for one in placed]
 

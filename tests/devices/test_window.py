@@ -12,11 +12,13 @@ import pytest
 
 from retrue.devices.window_projector import WindowProjector
 from retrue.errors import DeviceError
+from retrue.files.images import write_png
 from retrue.patterns.color_grid import make_color_grid
-from tests.devices.screens import needs_screen, needs_wayland, virtual_screen, wayland_desktop
+from tests.devices.screens import needs_screen, needs_wayland, virtual_screen, wayland_desktop, weston
 
 pytestmark = needs_screen
 SIZE = (800, 600)
+PROJECT = "from retrue.cli.main import main; import sys; sys.exit(main())", "project", "--screen", "0"
 
 
 def test_the_screen_is_the_picture_byte_for_byte(tmp_path: Path):
@@ -54,13 +56,11 @@ def test_no_display_is_one_sentence(monkeypatch: pytest.MonkeyPatch):
 
 
 def test_project_shows_each_picture_for_its_time_and_ends(tmp_path: Path):
-    from retrue.files.images import write_png
-
     pictures = np.random.default_rng(1).integers(0, 256, (2, 600, 800, 3), dtype=np.uint8)
     for number, picture in enumerate(pictures):
         write_png(tmp_path / f"{number}.png", picture)
     write_png(tmp_path / "small.png", pictures[0][:300])
-    words = ["-c", "from retrue.cli.main import main; import sys; sys.exit(main())", "project", "--screen", "0"]
+    words = ["-c", *PROJECT]
     with virtual_screen(tmp_path, SIZE) as screen:
         shown = ["0.png", "1.png", "--seconds", "1.5"]
         with subprocess.Popen([sys.executable, *words, *shown], cwd=tmp_path, stdout=subprocess.PIPE, text=True) as run:
@@ -74,6 +74,60 @@ def test_project_shows_each_picture_for_its_time_and_ends(tmp_path: Path):
         done = subprocess.run([sys.executable, *words, "small.png"], cwd=tmp_path, capture_output=True, text=True)
         assert done.returncode == 2
         assert "small.png: expected 800 x 600 pixels for screen 0, found 800 x 300" in done.stderr
+
+
+@needs_wayland
+def test_a_desktop_without_keyboard_and_mouse_is_one_sentence(tmp_path: Path):
+    write_png(tmp_path / "picture.png", np.zeros((600, 800, 3), np.uint8))
+    runtime = tmp_path / "runtime"
+    runtime.mkdir()
+    with weston(runtime, "headless", SIZE) as environment:
+        words = [sys.executable, "-c", *PROJECT, "picture.png"]
+        done = subprocess.run(words, cwd=tmp_path, env=environment, capture_output=True, text=True, check=False)
+    assert done.returncode == 2
+    assert done.stderr == (
+        "retrue: screen 0: the desktop has neither keyboard nor mouse, without which no window opens: plug one in\n"
+    )
+
+
+def test_a_monitor_that_is_unplugged_is_waited_for_and_shows_what_it_showed(tmp_path: Path):
+    picture = np.random.default_rng(3).integers(0, 256, (600, 800, 3), dtype=np.uint8)
+    write_png(tmp_path / "picture.png", picture)
+    with virtual_screen(tmp_path, SIZE) as screen, contextlib.ExitStack() as stack:
+        words = [sys.executable, "-c", *PROJECT, "picture.png"]
+        run = stack.enter_context(subprocess.Popen(words, cwd=tmp_path, stderr=subprocess.PIPE, text=True))
+        stack.callback(run.kill)
+        assert run.stderr is not None
+        assert screen.shows(picture, patience=30.0)
+        with screen.unplugged():
+            assert run.stderr.readline() == "screen 0: is gone: plug it in, switch the projector on; waiting for it\n"
+            assert screen.hides(picture)
+        assert screen.shows(picture, patience=30.0)
+        assert run.stderr.readline() == "screen 0: is back\n"
+        assert run.poll() is None
+
+
+@needs_wayland
+def test_a_desktop_that_ends_is_waited_for_and_shows_what_it_showed(tmp_path: Path):
+    picture = np.random.default_rng(3).integers(0, 256, (600, 800, 3), dtype=np.uint8)
+    write_png(tmp_path / "picture.png", picture)
+    runtime = tmp_path / "runtime"
+    runtime.mkdir()
+    with virtual_screen(tmp_path, SIZE) as screen, contextlib.ExitStack() as stack:
+        with weston(runtime, "x11", SIZE) as environment:
+            words = [sys.executable, "-c", *PROJECT, "picture.png"]
+            run = stack.enter_context(
+                subprocess.Popen(words, cwd=tmp_path, env=environment, stderr=subprocess.PIPE, text=True)
+            )
+            stack.callback(run.kill)
+            assert screen.shows(picture, patience=30.0)
+        assert run.stderr is not None
+        assert run.stderr.readline() == "screen 0: is gone: plug it in, switch the projector on; waiting for it\n"
+        assert screen.hides(picture)
+        with weston(runtime, "x11", SIZE):
+            assert screen.shows(picture, patience=30.0)
+            assert run.stderr.readline() == "screen 0: is back\n"
+            assert run.poll() is None
 
 
 CHILD = """

@@ -14,12 +14,13 @@ import pytest
 from retrue import Rig, read_rig, write_points, write_rig
 from retrue.files.history import read_history
 from retrue.geometry.transform import rotation_angle
+from tests.watch.stream import quick_table, quick_words
 
 from .conftest import CAMERA, PROJECTOR, TRUE, names, wall_and_box
 
 DEMO = Path(__file__).parents[2] / "src" / "retrue" / "demo_data"
 TRUSTING = "--lens", "fixed"
-QUICK = ["--poll-seconds", "0.01", "--settle-seconds", "0.02", "--patience-seconds", "0.05", "--idle-seconds", "0.1"]
+QUICK = quick_words()
 
 
 @pytest.fixture
@@ -161,10 +162,9 @@ def test_a_rig_that_holds_is_not_touched(retrue, files, stream):
 
 
 def test_a_fleet_is_watched(retrue, files, stream):
-    limits = "[limits]\npoll_seconds = 0.01\nsettle_seconds = 0.02\npatience_seconds = 0.05\nidle_seconds = 0.1\n"
     rig = '[[rig]]\nrig = "before.json"\nsource = "stream"\nclouds = true\n'
     fleet = files.folder / "fleet.toml"
-    fleet.write_text('workers = 1\nport = 0\nlens = "fixed"\n' + limits + rig)
+    fleet.write_text('workers = 1\nport = 0\nlens = "fixed"\n' + quick_table() + rig)
     out = files.folder / "out"
     run = retrue("watch", fleet, "--out", out, "--json")
     assert run.status == 0

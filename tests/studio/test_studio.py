@@ -9,6 +9,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+import cv2
 import numpy as np
 import pytest
 
@@ -55,7 +56,7 @@ def test_a_bump_is_found_kept_and_undone(studio: Studio):
     assert look is not None
     assert look.good, look.sentence
     assert look.sentence.startswith("good: ")
-    assert set(look.meters) == {"light", "clipping", "stillness", "blocks"}
+    assert set(look.meters) == {"light", "clipping", "focus", "stillness", "blocks"}
     assert min(look.meters.values()) > 0.7
 
     before = retrue.read_rig(studio.rig_path)
@@ -64,6 +65,8 @@ def test_a_bump_is_found_kept_and_undone(studio: Studio):
     state = asked(studio, studio.check)
     assert state.verification is not None
     assert state.verification.verdict == "drifted"
+    said = r"drifted: points are \d+ mm off at \d+ mm \(sigma \S+ mm\), turned by \S+ deg; recalibrated: keep the .*"
+    assert re.fullmatch(said, state.message)
     assert state.offer is not None
     assert len(state.offer.before) > 500
     assert retrue.read_rig(studio.rig_path) == before  # nothing is written before it is kept
@@ -116,15 +119,18 @@ def test_a_camera_that_goes_away_is_named_and_gone_on_with(studio: Studio, monke
 def test_a_disk_that_is_full_is_one_sentence_and_what_was_offered_can_be_kept_later(
     studio: Studio, monkeypatch: pytest.MonkeyPatch
 ):
+    def no_room(*_: object) -> None:
+        raise FileError(studio.rig_path, "cannot be written: No space left on device")
+
     wait(studio, lambda state: state.look is not None)
+    with monkeypatch.context() as full:
+        full.setattr("retrue.studio.studio.write_rig", no_room)
+        assert "No space left" in asked(studio, lambda: studio.bump(2.0)).message
+    assert asked(studio, studio.check).message.startswith("good: ")  # not bumped either
     asked(studio, lambda: studio.bump(2.0))
     assert asked(studio, studio.check).offer is not None
     before = studio.rig_path.read_bytes()
     with monkeypatch.context() as full:
-
-        def no_room(*_: object) -> None:
-            raise FileError(studio.rig_path, "cannot be written: No space left on device")
-
         full.setattr("retrue.studio.studio.write_in_place", no_room)
         state = asked(studio, studio.keep)
         assert state.message == f"{studio.rig_path}: cannot be written: No space left on device"
@@ -178,8 +184,13 @@ def test_one_sentence_says_what_to_do():
     assert look_at(pattern, image // 12).sentence.startswith("too dark: ")
     assert look_at(pattern, np.minimum(image.astype(int) * 12, 255).astype(np.uint8)).sentence.startswith("clipped: ")
     assert look_at(pattern, np.ascontiguousarray(image[:, ::-1])).sentence.startswith("mirrored: ")
+    blurred = look_at(pattern, cv2.GaussianBlur(image, (0, 0), 3))
+    assert blurred.sentence.startswith("out of focus: turn the lens of the camera or the projector")
+    sharp, soft = (look_at(pattern, picture).meters["focus"] for picture in (image, cv2.GaussianBlur(image, (0, 0), 1)))
+    assert sharp > soft > blurred.meters["focus"]
     plain = np.full_like(image, 120)
     assert not look_at(pattern, plain).good
+    assert "focus" not in look_at(pattern, plain).meters  # nothing tells
 
 
 @dataclass

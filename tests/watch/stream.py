@@ -113,3 +113,17 @@ class SimulatedSource:
             kind = self.kind(number)
             points = None if kind == "broken" else seen_by(self.rig_at(number), number, 5 if kind == "dark" else POINTS)
             yield frame(f"frame {number}", points, number)
+
+
+QUICK = {"poll_seconds": 0.01, "settle_seconds": 0.02, "patience_seconds": 0.05, "idle_seconds": 0.1}
+"""Limits of a watch over files that are whole as soon as they are there."""
+
+
+def quick_words() -> list[str]:
+    """As options of the command line."""
+    return [word for name, value in QUICK.items() for word in (f"--{name.replace('_', '-')}", str(value))]
+
+
+def quick_table(**others: float) -> str:
+    """As a fleet's file has them."""
+    return "".join(["[limits]\n", *(f"{name} = {value}\n" for name, value in (QUICK | others).items())])

@@ -25,10 +25,10 @@ from retrue.watch.fleet_file import Alarm, read_fleet
 from retrue.watch.status import Status, status_page
 from retrue.watch.work_pool import WorkPool
 
-from .stream import RIG, seen_by, turned
+from .stream import RIG, quick_table, seen_by, turned
 
 MOVED = turned(RIG, (1, 0, 0))
-QUICK = "[limits]\npoll_seconds = 0.01\nsettle_seconds = 0.02\npatience_seconds = 0.05\nidle_seconds = 0.3\n"
+QUICK = quick_table(idle_seconds=0.3)
 
 
 @pytest.fixture(scope="module")

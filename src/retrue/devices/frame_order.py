@@ -3,7 +3,11 @@
 What was shown when, and the shutter, say how much of each picture is in each row of exposure n. A frame that is taken
 for that exposure must be that mixture of what the frames before it tell of these pictures, of which nothing else is
 known: per band a linear model with normal priors, whose likelihood a Kalman filter gives frame by frame. All numberings
-that are worth it are followed side by side, the best one to each number kept (Viterbi).
+that are worth it are followed side by side; of those that know the same of what is to come, the best (Viterbi).
+
+A frame that holds a new picture is unlikely whatever it looks like, as nobody could know it. The numbering that is
+right pays for the picture when it comes; one that takes the frame for a mixture with the picture before pays a frame
+later. So one is given up only where the best also beats it in what frames are off, what was learned not counted.
 """
 
 from __future__ import annotations
@@ -25,6 +29,7 @@ LOST = 3.0  # nats that each lost frame costs
 UNUSUAL = 0.5  # nats for each frame by which all come later, or sooner, than they did
 FAR = 300.0  # nats, at most, that a frame costs by its time of arrival
 WORTH = 40.0  # nats behind the best numbering, up to which others are followed
+MOST_ALIVE = 64  # of them
 SURE = 15.0  # nats by which a numbering must beat any other one
 MOST_LOST = 3  # frames in a row, beyond those that the arrivals tell of
 FITS = 9.0  # mean square of what a frame is off, in sigmas, up to which it is what it is taken for
@@ -83,13 +88,34 @@ class Placed:
             yield placed
             placed = placed.before
 
+    def is_alone(self, show: int) -> bool:
+        """Whether the frame holds nothing but that, as far as it tells."""
+        place = show - self.first
+        return 0 <= place < self.shares.shape[1] and bool((self.shares[:, place] >= 1 - TOUCHED).all())
+
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Numbering:
+    """All frames so far, each taken for one exposure.
+
+    Attributes
+    ----------
+    score : log likelihood. `fit` : what it would be, had the pictures been known.
+    last : the last frame.
+    mean, covariance : (BANDS, pictures, PROBES), (BANDS, pictures, pictures) of the pictures from `last.first` on.
+    """
+
     score: float
+    fit: float
     last: Placed
-    mean: FloatArray  # (BANDS, pictures, PROBES), from picture `last.first` on
-    covariance: FloatArray  # (BANDS, pictures, pictures), of each probe
+    mean: FloatArray
+    covariance: FloatArray
+
+    def state(self) -> tuple[int, int, bytes]:
+        """Where it is, and how well it knows the pictures there: what comes depends on nothing else before."""
+        variance = self.covariance[:, range(self.mean.shape[1]), range(self.mean.shape[1])]
+        sigma = np.sqrt(np.maximum(variance, 0.0))  # it may round to less
+        return self.last.number, self.last.first, np.round(sigma / SIGMA).tobytes()
 
 
 class FrameOrder:
@@ -125,30 +151,34 @@ class FrameOrder:
     def add(self, levels: np.ndarray, arrival: float) -> None:
         """The next frame."""
         seen = self.probes.light(self.probes.of(levels), self.shutter.gamma)
-        found = dict[int, list[_Numbering]]()
+        found = list[_Numbering]()
         if not self._count:
             latest = int(np.floor((arrival - self.shutter.start - self.shutter.lag[0]) / self.shutter.period + 0.5))
             for lag in range(-self._max_lag, self._max_lag + 1):  # later, or sooner, than when the shutter was told
-                found[latest - lag] = [self._placed(None, latest - lag, UNUSUAL * abs(lag), seen)]
+                found.append(self._placed(None, latest - lag, UNUSUAL * abs(lag), seen))
         else:
             gap = (arrival - self._arrived) / self.shutter.period
             for numbering in self._alive:
                 for step in sorted({*range(1, 2 + MOST_LOST), max(1, round(gap)), max(1, round(gap) + 1)}):
                     cost = min(0.5 * ((gap - step) / self.shutter.spread) ** 2, FAR) + LOST * (step - 1)
-                    number = numbering.last.number + step
-                    found.setdefault(number, []).append(self._placed(numbering, number, cost, seen))
-        kept = list[_Numbering]()
-        for rivals in found.values():
-            rivals.sort(key=lambda one: -one.score)
-            kept.append(_doubted(rivals))
-        kept.sort(key=lambda one: -one.score)
-        self._alive = [one for one in kept if one.score >= kept[0].score - WORTH]
+                    found.append(self._placed(numbering, numbering.last.number + step, cost, seen))
+        found.sort(key=lambda one: -one.score)
+        rivals = dict[tuple[int, int, bytes], list[_Numbering]]()
+        for one in found:
+            if one.score >= found[0].score - WORTH or one.fit >= found[0].fit - WORTH:
+                rivals.setdefault(one.state(), []).append(one)
+        self._alive = [_doubted(alike) for alike in list(rivals.values())[:MOST_ALIVE]]
         self._arrived = arrival
         self._count += 1
 
-    def end(self) -> None:
-        """No more frames: what other numberings, as good as the best, say otherwise is doubtful."""
-        self._alive = [_doubted(self._alive)]
+    def ended(self) -> tuple[Placed, int]:
+        """As `settled`, where nothing that comes tells more: what numberings as good as the best deny is doubtful."""
+        last = _doubted(self._alive).last
+        return last, last.number + 1
+
+    def all_show(self, show: int) -> bool:
+        """Whether the last frame holds nothing but that, by each numbering that is followed."""
+        return all(numbering.last.is_alone(show) for numbering in self._alive)
 
     def _placed(self, before: _Numbering | None, number: int, cost: float, seen: FloatArray) -> _Numbering:
         """The filter's step: that frame taken for that exposure."""
@@ -169,9 +199,11 @@ class FrameOrder:
         off = np.square(error).mean(axis=1) / variance
         lit = probes.lit
         score = -0.5 * INDEPENDENT * float((np.log(variance[lit]) + np.minimum(off[lit], 100.0)).sum())
+        learned = 0.5 * INDEPENDENT * float(np.log(variance[lit] / self._variance).sum())
         gain = gained / variance[:, None]
         return _Numbering(
             (before.score if before else 0.0) + score - cost,
+            (before.fit if before else 0.0) + score + learned - cost,
             Placed(self._count, number, low, shares, off, before.last if before else None),
             mean + gain[:, :, None] * error[:, None, :],
             covariance - gain[:, :, None] * gained[:, None, :],

@@ -76,7 +76,7 @@ class Recorder:
             if self.shutter is not None and poor < MOST_POOR:
                 new = self._pass([wide[index] for index in missing], self.shutter)
                 poor = 0 if new else poor + 1
-                if poor == 1:  # the camera's time may have changed
+                if poor == 2:  # not by chance: the camera's time may have changed
                     self._time()
             else:
                 new = {0: self._record_alone(wide[missing[0]], f"picture {missing[0] + 1} of {len(wide)}")}

@@ -25,6 +25,7 @@ FEW_BANDS = 8  # in the search
 OUTLIER = 0.25  # squared share: a band that is off by more counts no more
 USUAL_READOUT, USUAL_EXPOSURE = 0.3, 0.5  # of a period; what holds where no frame tells
 WEAK = 0.1  # weight of that, against one band of one frame
+RARE = 0.02  # squared share, at which a frame that was lost unseen costs: else it would explain what is not there
 MOST_STEPS = 40
 WORST_FIT = 0.06  # of white over black, root mean square: a camera that exposes in another way
 
@@ -52,13 +53,15 @@ class _Seen:
 
     Attributes
     ----------
-    share : (frames, bands) of the new picture. `ways` : in which its frames may be numbered, from 0.
+    share : (frames, bands) of the new picture.
+    ways : in which its frames may be numbered, from 0. `rare` : where one was lost, and no arrival tells of it.
     """
 
     at: float
     arrivals: FloatArray
     share: FloatArray
     ways: list[FloatArray]
+    rare: list[FloatArray]
 
 
 def fit_shutter(
@@ -116,7 +119,8 @@ def _seen(changes: Sequence[Change], probes: Probes, gamma: float, period: float
         none_lost = np.arange(len(arrivals), dtype=np.float64)
         by_time = np.concatenate([[0.0], np.cumsum(np.maximum(np.round(np.diff(arrivals) / period), 1))])
         ways = [none_lost] if np.array_equal(none_lost, by_time) else [none_lost, by_time]
-        found.append(_Seen(change.at - first, arrivals, light if change.white else 1 - light, ways))
+        rare = [none_lost + (none_lost > after) for after in none_lost[:-1]]
+        found.append(_Seen(change.at - first, arrivals, light if change.white else 1 - light, ways, rare))
     return found
 
 
@@ -133,9 +137,10 @@ def _numbered(
     total, numbers = 0.0, list[FloatArray]()
     for one in seen:
         middle = np.floor((one.at - start) / period)
-        offered = np.array([middle + first + way for way in one.ways for first in BEFORE])
+        offered = np.array([middle + first + way for way in (*one.ways, *one.rare) for first in BEFORE])
         model = _share(start + period * offered[..., None] + readout * rows, exposure, one.at)
         misfit = np.minimum(np.square(model - one.share), OUTLIER).mean(axis=(1, 2))
+        misfit[len(one.ways) * len(BEFORE) :] += RARE
         total += float(misfit.min())
         numbers.append(offered[int(misfit.argmin())])
     lags = [one.arrivals[0] - period * number[0] for one, number in zip(seen, numbers, strict=True)]

@@ -96,7 +96,11 @@ class SteadyProjector(_Steady):
 
     def wait(self, seconds: float) -> str:
         """As a window waits, for the time or for a key."""
-        return self._done(lambda: self._device.wait(seconds))
+        end = time.monotonic() + seconds
+        while not (wish := self._done(lambda: self._device.wait(min(PAUSE, max(end - time.monotonic(), 0.0))))):
+            if time.monotonic() >= end:
+                break
+        return wish
 
     def _reopened(self) -> None:
         if self._last is not None:

@@ -102,17 +102,18 @@ class _Run:
                 continue
             waited = 0 if self._queue or self._keys[-1] >= 0 else waited + 1
             self._take(self._how.camera.frame())
-            self._judge()
+            self._judge(*self._order.settled())
+            if self._keys[-1] < 0 and self._order.all_show(len(self._keys) - 1):
+                self._judge(*self._order.ended())
             if self._done == len(self._shows.at) - 1 and not self._queue and self._keys[-1] < 0:
                 break
-        self._order.end()
-        self._judge()
+        self._judge(*self._order.ended())
         return self._found if self._closed() else {}
 
     def _closed(self) -> bool:
         """Whether it ends as it should: with the last tag where it is expected, and with no tag before it."""
         best, lit, before = self._order.best, self._how.probes.lit, self._before
-        if best is None or before is None or self._bad or not self._alone(best, len(self._keys) - 1):
+        if best is None or before is None or self._bad or not best.is_alone(len(self._keys) - 1):
             return False
         tag = self._how.references.tags[2]
         alike = coarse_change(self._pictures[before[0]], self._tags[1]) < VISIBLE_CHANGE
@@ -121,11 +122,6 @@ class _Run:
     def times(self) -> list[float]:
         """When pictures came on that may be on their way to the camera."""
         return self._shows.at[1:][-2 * self._how.max_lag :]
-
-    def _alone(self, placed: Placed, show: int) -> bool:
-        """Whether a frame holds nothing else, as far as it tells."""
-        place = show - placed.first
-        return place < placed.shares.shape[1] and bool((placed.shares[:, place] >= 1 - TOUCHED).all())
 
     def _show(self, picture: Picture, at: float, key: int, looks: np.ndarray | None = None) -> None:
         on = self._how.projector.show(picture, at)
@@ -156,9 +152,8 @@ class _Run:
         twice = on + 2 * shutter.period - (1 - 2 * TOUCHED) * shutter.exposure
         return max(shutter.seen_by(on, self._how.probes.edges), twice)
 
-    def _judge(self) -> None:
-        """Take what is settled of each picture; show again what is not proven."""
-        settled, following = self._order.settled()
+    def _judge(self, settled: Placed | None, following: int) -> None:
+        """Take what is settled of each picture, up to the last frame that is; show again what is not proven."""
         if settled is None:
             return
         while self._done < len(self._shows.at) - 1:

@@ -4,6 +4,9 @@ from __future__ import annotations
 
 import contextlib
 import ctypes
+import os
+import subprocess
+import sys
 import time
 import warnings
 from collections.abc import Generator
@@ -45,6 +48,10 @@ class WindowProjector:
     def open(self) -> None:
         glfw = self._glfw = imported("glfw", "window", self.name)
         with _quiet():
+            if b"Wayland" in glfw.get_version_string() and os.environ.get("WAYLAND_DISPLAY") and not _starts():
+                raise DeviceError(
+                    self.name, "the desktop has neither keyboard nor mouse, without which no window opens: plug one in"
+                )
             if not glfw.init():
                 raise DeviceError(
                     self.name, "there is no display: log in to a desktop, or set DISPLAY or WAYLAND_DISPLAY"
@@ -154,6 +161,11 @@ def _address_of(glfw: Any) -> Any:
         return found
 
     return address
+
+
+def _starts() -> bool:
+    """Whether GLFW lives: on a Wayland desktop without a seat, it reads through a null pointer (3.4)."""
+    return subprocess.run([sys.executable, "-c", "import glfw; glfw.init()"], check=False).returncode >= 0
 
 
 def _counted(count: int) -> str:

@@ -13,6 +13,7 @@ from typing import Any, Literal, cast
 
 from retrue.errors import FileError
 from retrue.recalibration.result import Verification
+from retrue.shown import figures
 
 REMEMBERED = 2000  # readings that are shown; the file keeps all
 LONGEST_LINE = 400  # bytes
@@ -41,6 +42,15 @@ class Reading:
         drift = None if found.drift is None else found.drift.displacement
         sigma = None if found.sigma is None else found.sigma.displacement
         return cls(time.time(), found.verdict, drift, sigma)
+
+
+def drift_in_words(found: Verification, unit: str) -> str:
+    """By how much points are off, and what is uncertain in it; where nobody knows, why the rig has drifted."""
+    drift, sigma = found.drift, found.sigma
+    if drift is None or drift.displacement is None or sigma is None:
+        return found.reason
+    where = f"{figures(drift.displacement)} {unit} off at {figures(found.working_distance)} {unit}"
+    return f"points are {where} (sigma {figures(sigma.displacement)} {unit}), turned by {drift.rotation_deg:.2f} deg"
 
 
 class DriftLog:

@@ -12,10 +12,12 @@ from retrue.decoding.decode import decode
 from retrue.errors import CaptureError
 from retrue.geometry.arrays import Image
 from retrue.patterns.color_grid import ColorGrid
+from retrue.studio.focus import focus
 
 CLIPPED = 250
 MOST_CLIPPED = 0.02  # of the picture
 DARKEST = 45.0  # grey levels that the brightest twentieth should have at least
+LEAST_FOCUS = 0.1  # of 1: below, blocks are not read any more
 MOST_MOVED = 6.0  # grey levels, in the mean, between two frames that stand still
 ENOUGH = 0.35  # of the pattern's blocks
 FEWEST_MIRRORED = 50
@@ -31,7 +33,7 @@ class Look:
     points : what was decoded; none where nothing was.
     sentence : what to do, or that it is good.
     good : whether there is nothing to do.
-    meters : light, clipping, stillness and blocks, each from 0, bad, to 1, good.
+    meters : light, clipping, focus, stillness and blocks, each from 0, bad, to 1, good; focus only where it is known.
     """
 
     picture: Image
@@ -52,13 +54,15 @@ def look_at(pattern: ColorGrid, picture: Image, before: Image | None = None) -> 
         moved = float(np.abs(_sampled(picture) - _sampled(before)).mean())
     points = _decoded(pattern, color)
     share = len(points) / (len(pattern.code) * len(pattern.code[0]))
-    meters = {
+    found = {
         "light": min(bright / (4 * DARKEST), 1.0),
         "clipping": 1 - min(clipped / (2 * MOST_CLIPPED), 1.0),
+        "focus": focus(color, points),
         "stillness": 1 - min(moved / (2 * MOST_MOVED), 1.0),
         "blocks": min(share / ENOUGH, 1.0),
     }
-    problem = _problem(pattern, color, points, bright, clipped, moved, share)
+    meters = {name: value for name, value in found.items() if value is not None}
+    problem = _problem(pattern, color, points, bright, clipped, moved, share, meters.get("focus", 1.0))
     return Look(picture, points, problem or f"good: {len(points)} blocks are seen", not problem, meters)
 
 
@@ -70,6 +74,7 @@ def _problem(
     clipped: float,
     moved: float,
     share: float,
+    sharp: float,
 ) -> str:
     """The first thing to put right; empty where there is none."""
     if clipped > MOST_CLIPPED:
@@ -78,6 +83,8 @@ def _problem(
         return "too dark: expose longer, or brighten the projector"
     if moved > MOST_MOVED:
         return "hold still"
+    if sharp < LEAST_FOCUS:
+        return "out of focus: turn the lens of the camera or the projector until the blocks have sharp edges"
     if share >= ENOUGH:
         return ""
     if len(points) == 0 and len(_decoded(pattern, np.ascontiguousarray(color[:, ::-1]))) >= FEWEST_MIRRORED:

@@ -14,7 +14,7 @@ from retrue.studio.studio import NO_RIG, Studio
 
 REFRESH = 0.25  # seconds
 SPACE = "width:100%;height:480px;border:0"
-METERS = ("light", "clipping", "stillness", "blocks")
+METERS = ("light", "clipping", "focus", "stillness", "blocks")
 
 
 class Page:
@@ -83,7 +83,7 @@ class Page:
         self._check.set_enabled(looking and state.rig_there)
         self._scan.set_enabled(looking and state.rig_there)
         self._keep.set_enabled(free and (state.offer is not None or calibrated))
-        self._undo.set_enabled(looking)
+        self._undo.set_enabled(looking and (state.rig_there or state.offer is not None))
         self._watch.set_enabled(looking and (state.rig_there or state.watching))
 
     def _show_look(self, state: State, look: Look) -> None:

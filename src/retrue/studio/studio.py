@@ -21,7 +21,7 @@ from retrue.devices.exposure import find_exposure
 from retrue.devices.recorder import Recorder
 from retrue.devices.setup import Setup
 from retrue.devices.shown_pictures import Picture, black_and_white
-from retrue.errors import DeviceError, InputError, RetrueError
+from retrue.errors import DeviceError, FileError, InputError, RetrueError
 from retrue.files.history import capture_record, read_history, roll_back, write_in_place
 from retrue.files.models import write_cloud
 from retrue.files.rigs import read_rig, write_rig
@@ -33,7 +33,7 @@ from retrue.recalibration.verify import verify
 from retrue.reconstruction.reconstruct import reconstruct
 from retrue.rig import Rig
 from retrue.studio.calibrating import Calibrating, begun
-from retrue.studio.drift_log import DriftLog, Reading
+from retrue.studio.drift_log import DriftLog, Reading, drift_in_words
 from retrue.studio.look import Look, look_at
 from retrue.studio.state import Offer, State
 
@@ -163,8 +163,13 @@ class Studio:
         def turn(live: LiveRig, _pattern: ColorGrid) -> None:
             if live.simulated is None:
                 raise InputError("only a simulated rig can be bumped from here")
+            before = live.simulated.true_rig.projector_from_camera
             live.simulated.bump((0.3 * degrees, 0.9 * degrees, 0.3 * degrees))
-            write_rig(self._truth, live.simulated.true_rig)
+            try:
+                write_rig(self._truth, live.simulated.true_rig)
+            except FileError:
+                live.simulated.move_to(before)
+                raise
             self._set(message=f"the projector was turned by {degrees:g} deg", verification=None, offer=None)
 
         self._ask("bumping the rig", turn)
@@ -276,7 +281,7 @@ class Studio:
         last = self.state.readings[-1].verdict if self.state.readings else "good"
         self._set(readings=tuple(self._drift.readings))
         if found.verdict != last and found.verdict == "drifted":
-            self._set(message=f"drifted: {found.reason}; press Check")
+            self._set(message=f"drifted: {drift_in_words(found, self.unit)}; press Check")
 
     def _check(self, live: LiveRig, pattern: ColorGrid) -> None:
         rig = self._rig()
@@ -291,7 +296,8 @@ class Studio:
             self._set(message=f"drifted, but this picture cannot tell the new pose: {result.reason}")
             return
         offer = Offer(result, reconstruct(rig, points), reconstruct(result.rig, points))
-        self._set(offer=offer, message=f"drifted: {found.reason}; recalibrated: {result.reason}")
+        words = f"drifted: {drift_in_words(found, rig.unit)}; recalibrated: keep the new rig, or undo"
+        self._set(offer=offer, message=words)
 
     def _keep(self, live: LiveRig, _pattern: ColorGrid) -> None:
         calibrating = self._calibrating
