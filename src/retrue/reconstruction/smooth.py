@@ -32,6 +32,8 @@ HALVES = (1, 2, 4, 8)
 """Cells that a window reaches to either side of its own."""
 AGREE = 3.0
 """Sigmas of the mean square of their difference by which two sizes of window may differ."""
+INDEPENDENT = 0.75
+"""Of what white noise would lose: neighbours that lose so much err each by itself."""
 FEWEST = 500
 """Windows that tell how much a size evens out."""
 
@@ -141,7 +143,8 @@ def parabola(half: int) -> FloatArray:
 def _steps(windows: list[_Window]) -> tuple[list[float], float]:
     """Share of the variance that each window takes from the one before it; and what the last one leaves.
 
-    Of windows that tell too little it is what they would take were neighbours independent.
+    Of windows that tell too little it is what they would take were neighbours independent. Where all take hardly less
+    than that, what is left goes on so; else neighbours err alike over more than the windows, and the rest is left.
     """
     level, steps = 1.0, list[float]()
     for finer, coarser in pairwise(windows):
@@ -150,7 +153,8 @@ def _steps(windows: list[_Window]) -> tuple[list[float], float]:
             variance = (finer.left - coarser.left) * coarser.variance[both]
             level = (MAD_TO_SIGMA * float(np.median(np.abs(finer.w - coarser.w)[both] / np.sqrt(variance)))) ** 2
         steps.append(level * (finer.left - coarser.left))
-    return steps, level * windows[-1].left
+    alike = sum(steps) < INDEPENDENT * (1 - windows[-1].left)
+    return steps, 1 - sum(steps) if alike else level * windows[-1].left
 
 
 def _sizes(windows: list[_Window], steps: list[float]) -> IntArray:

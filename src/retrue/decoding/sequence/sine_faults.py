@@ -78,7 +78,7 @@ def find_sine_fault(spec: FrameSequence, grey: Sequence[Image], names: Sequence[
             f"{names[same[0]]} and {names[same[1]]} show the same, but should not: take the capture again"
         )
     causes, found = list[str](), spec
-    ended: BoolArray = (sample.here >= FULL * np.iinfo(grey[0].dtype).max).any(axis=0)
+    ended = np.asarray((sample.here >= FULL * np.iinfo(grey[0].dtype).max).any(axis=0))
     share, gains = _light(sample, spec, ended)
     as_it_was = sample.corrected(np.ones(len(grey)) if gains is None else gains, share)
     here = as_it_was.here
