@@ -14,7 +14,7 @@ regression", Annals of Statistics 22 (1994), for a field of degree two, where it
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from typing import cast
 
 import cv2
@@ -22,6 +22,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 FloatImage = NDArray[np.float32]
+Cut = tuple[slice, slice]
 
 APART = 2  # cells between which slopes are compared: nearer ones come of the same edges
 CENTRED = 0.5  # cells from the centre that the mean place of a window lies, which is then cut off by no rim
@@ -57,45 +58,46 @@ def plane_bias(
         (slopes[0], across, 0.5 * (moments["xy"] - x * y)),
         (slopes[1], along, 0.5 * (moments["xy"] - x * y)),
     )
-    changes = [(*_change(slope, whole, cell, axis), lever) for slope, axis, lever in terms]
-    bias = np.zeros(whole.shape, np.float32)
-    for change, known, lever in changes:
-        bias += lever * _averaged(change, known)
+    known = {axis: _known(whole, axis) for axis in (along, across)}
+    counts = {axis: np.maximum(_sum_around(own), np.float32(1)) for axis, own in known.items()}
+    changes = [(_change(slope, cell, axis) * known[axis], lever, counts[axis]) for slope, axis, lever in terms]
+    means = [_sum_around(change) / count for change, _, count in changes]
+    bias = sum((lever * mean for mean, (_, lever, _) in zip(means, changes, strict=True)), np.zeros_like(x))
     bent = np.abs(bias) > sigma
     if bent.any():
-        bent &= bias * bias > np.float32(BEYOND_DOUBT**2) * _variance(changes)
-        known = (bias != 0).astype(np.float32)
-        bent &= _sum_around(bent.astype(np.float32)) > np.maximum(np.float32(MOST) * _sum_around(known), ALIKE)
+        variance = np.zeros_like(x)  # of the bias, from how the changes of slope scatter around each cell
+        for mean, (change, lever, count) in zip(means, changes, strict=True):
+            scatter = np.maximum(_sum_around(change * change) / count - mean * mean, 0)
+            variance += lever * lever * scatter / np.maximum(count / np.float32(ALIKE), 1)
+        bent &= bias * bias > np.float32(BEYOND_DOUBT**2) * variance
+        told = np.float32(MOST) * _sum_around((bias != 0).astype(np.float32))
+        bent &= _sum_around(bent.astype(np.float32)) > np.maximum(told, ALIKE)
     return np.where(bent, bias, np.float32(0))
 
 
-def _variance(changes: Sequence[tuple[FloatImage, FloatImage, FloatImage]]) -> FloatImage:
-    """Of the bias, from how the changes of slope (what, where known, lever) scatter around each cell."""
-    variance = np.zeros(changes[0][0].shape, np.float32)
-    for change, known, lever in changes:
-        count = np.maximum(_sum_around(known), np.float32(1))
-        scatter = _sum_around(change * change) / count - _averaged(change, known) ** 2
-        variance += lever * lever * np.maximum(scatter, 0) / np.maximum(count / np.float32(ALIKE), 1)
-    return variance
+def _known(whole: NDArray[np.uint8], axis: int) -> FloatImage:
+    """1 where the cells on both sides along an array axis tell how the slope changes."""
+    known = np.zeros(whole.shape, np.float32)
+    if whole.shape[axis] > 2 * APART:
+        here, first, last = _beside(axis)
+        known[here] = whole[here] & whole[first] & whole[last]
+    return known
 
 
-def _change(slope: FloatImage, whole: NDArray[np.uint8], cell: int, axis: int) -> tuple[FloatImage, FloatImage]:
-    """Of the slope per pixel along an array axis, times 1 where it is known, and that."""
-    here = [slice(None), slice(None)]
-    first, last = list(here), list(here)
-    here[axis], first[axis], last[axis] = slice(APART, -APART), slice(None, -2 * APART), slice(2 * APART, None)
-    change, known = (np.zeros(slope.shape, np.float32) for _ in range(2))
+def _change(slope: FloatImage, cell: int, axis: int) -> FloatImage:
+    """Of the slope per pixel along an array axis."""
+    change = np.zeros(slope.shape, np.float32)
     if slope.shape[axis] > 2 * APART:
-        there = tuple(here)
-        known[there] = whole[there] & whole[tuple(first)] & whole[tuple(last)]
-        change[there] = (slope[tuple(last)] - slope[tuple(first)]) / np.float32(2 * APART * cell)
-    return change * known, known
+        here, first, last = _beside(axis)
+        change[here] = (slope[last] - slope[first]) / np.float32(2 * APART * cell)
+    return change
 
 
-def _averaged(change: FloatImage, known: FloatImage) -> FloatImage:
-    """Over the neighbours that know it."""
-    sums, counts = (_sum_around(image) for image in (change, known))
-    return cast(FloatImage, sums / np.maximum(counts, np.float32(1)))
+def _beside(axis: int) -> tuple[Cut, Cut, Cut]:
+    """Index of the cells that have others on both sides, and of these."""
+    cuts = (slice(APART, -APART), slice(None, -2 * APART), slice(2 * APART, None))
+    here, first, last = ((cut, slice(None)) if axis == 0 else (slice(None), cut) for cut in cuts)
+    return here, first, last
 
 
 def _sum_around(image: FloatImage) -> FloatImage:

@@ -35,15 +35,15 @@ def scatter_level(value: FloatImage, variance: FloatImage, whole: NDArray[np.uin
         length = value.shape[axis] - 3 * APART
         if length <= 0:
             continue
-        parts = [np.take(np.stack([value, variance]), range(k * APART, k * APART + length), axis + 1) for k in range(4)]
-        off = sum(weight * part[0] for weight, part in zip(THIRD, parts, strict=True))
-        expected = sum(weight**2 * part[1] for weight, part in zip(THIRD, parts, strict=True))
+        off, expected = (np.zeros(whole.shape, np.float32)[_part(axis, 0, length)] for _ in range(2))
+        for place, weight in enumerate(THIRD):
+            off += weight * value[_part(axis, place * APART, length)]
+            expected += weight * weight * variance[_part(axis, place * APART, length)]
         whole_way = _all_along(whole, axis, length)
         square = np.minimum(off * off / np.maximum(expected, np.float32(1e-12)), np.float32(CLIPPED**2))
-        middle = [slice(None), slice(None)]
-        middle[axis] = slice(3 * APART // 2, 3 * APART // 2 + length)
-        total[tuple(middle)] += square * whole_way
-        known[tuple(middle)] += whole_way
+        middle = _part(axis, 3 * APART // 2, length)
+        total[middle] += square * whole_way
+        known[middle] += whole_way
     squares, count = (_sum_around(image) for image in (total, known))
     return cast(FloatImage, (squares + np.float32(BELIEF)) / (count + np.float32(BELIEF)))
 
@@ -52,8 +52,13 @@ def _all_along(whole: NDArray[np.uint8], axis: int, length: int) -> FloatImage:
     """1 where all cells of a difference are whole."""
     counts = np.insert(np.cumsum(whole, axis=axis, dtype=np.int32), 0, 0, axis=axis)
     reach = 3 * APART + 1
-    ends = [np.take(counts, range(first, first + length), axis) for first in (reach, 0)]
-    return (ends[0] - ends[1] == reach).astype(np.float32)
+    return (counts[_part(axis, reach, length)] - counts[_part(axis, 0, length)] == reach).astype(np.float32)
+
+
+def _part(axis: int, first: int, length: int) -> tuple[slice, slice]:
+    """Index of so many cells along an array axis."""
+    cut = slice(first, first + length)
+    return (cut, slice(None)) if axis == 0 else (slice(None), cut)
 
 
 def _sum_around(image: FloatImage) -> FloatImage:

@@ -67,8 +67,10 @@ def find_sine_fault(spec: FrameSequence, grey: Sequence[Image], names: Sequence[
 
     Raises `CaptureError` where they are not, and nothing explains them.
     """
+    if not any(_told(spec, axis) for axis in spec.axes):
+        return None
     sample = take_sample(grey, np.random.default_rng(0))
-    if sample is None or not any(_told(spec, axis) for axis in spec.axes):
+    if sample is None:
         return None
     level = np.median(sample.here, axis=1)
     if dark := int(np.argmax(level > DARK * np.median(level))):
