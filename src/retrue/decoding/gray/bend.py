@@ -27,7 +27,7 @@ Cut = tuple[slice, slice]
 APART = 2  # cells between which slopes are compared: nearer ones come of the same edges
 CENTRED = 0.5  # cells from the centre that the mean place of a window lies, which is then cut off by no rim
 REACH = 7  # cells, side of the square over which a bend is averaged; at a rim those inside tell
-BEYOND_DOUBT = 4.0  # standard errors of what is taken out
+BEYOND_DOUBT = 8.0  # standard errors of what is taken out; two or three independent bends tell these
 MOST = 0.5  # of the cells around that know their bend
 ALIKE = 20  # cells whose slopes share most of their edges: 4 pi WINDOW_SIGMA^2
 
@@ -60,7 +60,7 @@ def plane_bias(
     )
     known = {axis: _known(whole, axis) for axis in (along, across)}
     counts = {axis: np.maximum(_sum_around(own), np.float32(1)) for axis, own in known.items()}
-    changes = [(_change(slope, cell, axis) * known[axis], lever, counts[axis]) for slope, axis, lever in terms]
+    changes = [(_change(slope, cell, axis, known[axis]), lever, counts[axis]) for slope, axis, lever in terms]
     means = [_sum_around(change) / count for change, _, count in changes]
     bias = sum((lever * mean for mean, (_, lever, _) in zip(means, changes, strict=True)), np.zeros_like(x))
     bent = np.abs(bias) > sigma
@@ -84,12 +84,12 @@ def _known(whole: NDArray[np.uint8], axis: int) -> FloatImage:
     return known
 
 
-def _change(slope: FloatImage, cell: int, axis: int) -> FloatImage:
-    """Of the slope per pixel along an array axis."""
+def _change(slope: FloatImage, cell: int, axis: int, known: FloatImage) -> FloatImage:
+    """Of the slope per pixel along an array axis; 0 where it is not known."""
     change = np.zeros(slope.shape, np.float32)
     if slope.shape[axis] > 2 * APART:
         here, first, last = _beside(axis)
-        change[here] = (slope[last] - slope[first]) / np.float32(2 * APART * cell)
+        change[here] = (slope[last] - slope[first]) * known[here] / np.float32(2 * APART * cell)
     return change
 
 
