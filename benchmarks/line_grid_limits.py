@@ -143,6 +143,15 @@ def main() -> None:
         report("ball", f"print, contrast {contrast}", WEBCAM, contrast=contrast)
     for turn in (0.4, 0.8, 1.57, 3.14, -1.57):
         report("wall", f"turned by {turn} rad", WEBCAM, turn=turn)
+    print("stripes: points, wrong, RMS across the line, error/sigma")
+    for axis, name in enumerate(("columns", "rows")):
+        for scene in ("wall", "ball", "corner"):
+            report_stripes(axis, scene, f"{name} alone", WEBCAM)
+    for turn in (0.4, 0.8, 1.57):
+        report_stripes(0, "wall", f"columns turned by {turn} rad", WEBCAM, turn=turn)
+    report_stripes(0, "ball", "columns, print, contrast 0.8", WEBCAM, contrast=0.8)
+    report_stripes(0, "wall", "columns, noise, 100 electrons", replace(WEBCAM, electrons=100))
+    report_stripes(0, "wall", "columns, blur, 2.2 px", replace(WEBCAM, blur_px=2.2))
 
 
 def report(scene: str, name: str, model: CameraModel, turn: float = 0.0, contrast: float = 0.0) -> None:
@@ -152,6 +161,24 @@ def report(scene: str, name: str, model: CameraModel, turn: float = 0.0, contras
     there, points, wrong = (sum(getattr(s, key) for s in scores) for key in ("countable", "points", "wrong"))
     rms, over = (np.mean([getattr(s, key) for s in scores]) for key in ("rms_px", "error_over_sigma"))
     print(f"{scene + ', ' + name:36} {there:6} {points:6} {wrong:5} {rms:7.3f} {over:11.2f}", flush=True)
+
+
+def report_stripes(
+    axis: int, scene: str, name: str, model: CameraModel, turn: float = 0.0, contrast: float = 0.0
+) -> None:
+    grid = replace(GRID, **{("rows", "columns")[axis]: None})
+    lines = (grid.columns, grid.rows)[axis]
+    assert lines is not None
+    truth = capture(scene, model, 1, grid=grid, turn=turn, contrast=contrast)
+    points = decode_line_grid(grid, truth.image)
+    there, jacobian = _projector_at(truth, points.camera_px)
+    off = (points.projector_px - there)[:, axis]
+    right = np.abs(off) < WRONG_PITCHES * lines.pitch
+    error = (off / np.linalg.norm(jacobian[:, axis], axis=1))[right]
+    rms = float(np.sqrt(np.mean(error**2))) if len(error) else np.nan
+    assert points.camera_sigma_px is not None
+    over = rms / points.camera_sigma_px[0] if len(error) else np.nan
+    print(f"{scene + ', ' + name:36} {len(points):13} {int((~right).sum()):5} {rms:7.3f} {over:11.2f}", flush=True)
 
 
 if __name__ == "__main__":

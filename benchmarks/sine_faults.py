@@ -30,7 +30,7 @@ WORDS = {
     "wrong periods": ("periods",),
     "wrong steps": ("expected",),
 }
-ALONE = ("late", "gain", "repeated", "missing", "wrong periods", "wrong steps")
+ALONE = ("late", "repeated", "missing", "wrong periods", "wrong steps")
 
 
 def one(seed: int) -> tuple[set[str], str, int, str]:

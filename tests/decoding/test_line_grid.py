@@ -168,9 +168,6 @@ def test_nothing_there(image, advice):
 
 
 def test_mistakes_are_named(usual):
-    stripes = LineGrid((800, 600), columns=GRID.columns)
-    with pytest.raises(InputError, match="tell one coordinate"):
-        decode(stripes, usual.image)
     with pytest.raises(InputError, match="line grid: expected its picture"):
         decode(GRID, [usual.image] * 4)
     with pytest.raises(InputError, match="white: expected"):

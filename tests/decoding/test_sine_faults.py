@@ -11,6 +11,8 @@ import pytest
 
 from retrue.correspondences import Correspondences
 from retrue.decoding.decode import decode
+from retrue.decoding.sequence.hypotheses import take_sample
+from retrue.decoding.sequence.sine_gains import fit_sine_gains
 from retrue.errors import CaptureError
 from retrue.geometry.arrays import Image
 from retrue.patterns.sequence import Frame, FrameSequence
@@ -76,6 +78,26 @@ def test_a_share_of_the_picture_before_is_taken_out() -> None:
     assert points.card is not None
     assert "25 % of the one before" in points.card.advice[0]
     assert error(points) < 0.5
+
+
+@pytest.mark.parametrize("rows_first", [False, True])
+def test_automatic_exposure_is_taken_out(rows_first: bool) -> None:
+    gains = np.random.default_rng(5).uniform(0.5, 1.3, 16)
+    pictures = seen(FRAMES[1] + FRAMES[0] if rows_first else FRAMES[0] + FRAMES[1])
+    points = decode(PATTERN, [np.rint(gain * own).astype(np.uint8) for gain, own in zip(gains, pictures, strict=True)])
+    assert points.card is not None
+    assert ("row pictures" in points.card.advice[0]) == rows_first
+    assert "brightness changes" in points.card.advice[0]
+    assert points.card.details["gain_spread"] == pytest.approx(gains.max() / gains.min(), rel=0.02)
+    assert error(points) < 0.5
+
+
+def test_gains_that_one_sine_of_three_shifts_cannot_tell_are_ones() -> None:
+    spec = FrameSequence(SIZE, tuple(Frame("phase", "column", period_px=96.0, shift=k / 3) for k in range(3)))
+    sample = take_sample(seen(list(spec.frames)), np.random.default_rng(0))
+    assert sample is not None
+    gains = fit_sine_gains(sample, spec, np.zeros(sample.here.shape[1], bool))
+    assert gains.tolist() == [1.0, 1.0, 1.0]
 
 
 @pytest.mark.parametrize(

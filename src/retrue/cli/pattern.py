@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal, cast
 
@@ -21,6 +21,7 @@ LARGEST_SIDE = 16384  # pixels; beyond any projector, and its pictures still fit
 AXES = {"both": ("column", "row"), "columns": ("column",), "rows": ("row",)}
 ONLY_FOR = {
     "color-grid": ("rows", "columns", "pitch", "block", "camera_size", "rig", "distance"),
+    "line-grid": ("axes",),
     "gray-code": ("step",),
     "phase-shift": ("period", "steps", "turns", "axes"),
     "sequence": ("layout", "axes"),
@@ -64,7 +65,7 @@ class Pattern(Command):
     turns
         What tells the turns of the finest sine: a Gray code, coarser sines, or sines of coprime periods.
     axes
-        Columns alone give depth with a known rig; a pose needs rows, too.
+        Columns alone give depth with a known rig; a pose needs rows, too. Of a line grid columns alone are stripes.
     layout
         Of another tool: procam-calibration, opencv, 3dunderworld, scan3d-capture, sltk, structuredlight,
         structuredlight-phase, slstudio-gray, slstudio-2x3, slstudio-nstep, slstudio-3, slstudio-4.
@@ -131,7 +132,9 @@ class Pattern(Command):
         if self.kind == "color-grid":
             return self._color_grid()
         if self.kind == "line-grid":
-            return make_line_grid(self.projector_size)
+            grid = make_line_grid(self.projector_size)
+            absent = {"columns": {"rows": None}, "rows": {"columns": None}}.get(self.axes or "both", {})
+            return replace(grid, **absent)
         if self.kind == "gray-code":
             return GrayCode(self.projector_size, 1 if self.step is None else self.step)
         axes = None if self.axes is None else cast("tuple[Literal['column', 'row'], ...]", AXES[self.axes])

@@ -241,6 +241,9 @@ def _cloud_text(out: Path, report: dict[str, Any]) -> str:
             f"  strays left out: {report['dropped_alone']} alone, "
             f"{report['dropped_in_islands']} on pieces without an inside"
         )
+    if "smoothed" in report:
+        side = report["smoothed_cells"]
+        lines.append(f"  smoothed: {report['smoothed']} points, over {side} x {side} cells (median)")
     if "holes_filled" in report:
         lines.append(
             f"  {report['points_filled_in']} points invented in {report['holes_filled']} holes, "

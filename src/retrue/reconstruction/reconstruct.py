@@ -22,6 +22,7 @@ from retrue.reconstruction.one_coordinate import completed_projector_px
 from retrue.reconstruction.options import ReconstructOptions
 from retrue.reconstruction.pieces import find_strays
 from retrue.reconstruction.quantised import between_readings, quantisation_px
+from retrue.reconstruction.smooth import smoothed
 from retrue.reconstruction.surface_grid import SurfaceGrid, surface_grid
 from retrue.reconstruction.uncertainty import Uncertainty, unstated
 from retrue.rig import Rig, require_rig
@@ -43,12 +44,14 @@ def reconstruct(rig: Rig, points: Correspondences, options: ReconstructOptions |
 
     Each point has its own `sigma`, measured on the capture itself; `Cloud.covariance` adds what the rig makes all
     err by together. The card has the median of the one, the RMS of the other, both along the camera's ray, and names
-    what the rig's evidence says nothing of, so that it is `taken_for_exact`.
+    what the rig's evidence says nothing of, so that it is `taken_for_exact`. Asked for, noise is evened out over the
+    grid, never over an edge (`smoothed`).
 
     Raises
     ------
     CaptureError : points of other rasters than the rig's: `check_rasters`.
     DegenerateError : the rig's devices coincide (t = 0), or no point remains.
+    InputError : points without a grid are to be smoothed.
 
     >>> from retrue import Camera, RigidTransform
     >>> camera = Camera((640, 480), [[500, 0, 320], [0, 500, 240], [0, 0, 1]])
@@ -92,7 +95,9 @@ def reconstruct(rig: Rig, points: Correspondences, options: ReconstructOptions |
     cloud = Cloud(X[kept], _colors(points)[kept], points.camera_px[kept], rig.unit, cells, card)
     grid = None if cells is None else surface_grid(cloud.points, cells)
     cloud = _with_sigma(cloud, rig, points.select(kept), residual_px[kept], grid)
-    return cloud if options.keep_strays or grid is None else _without_strays(cloud, grid)
+    if not (options.keep_strays or grid is None):
+        cloud = _without_strays(cloud, grid)
+    return smoothed(cloud) if options.smooth else cloud
 
 
 def _with_sigma(

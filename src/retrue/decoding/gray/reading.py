@@ -219,7 +219,7 @@ def _coordinates(depth: Depth, reading: _Reading, pixels: NDArray[np.intp]) -> t
         kernel.coordinates(
             pixels,
             fit.planes,
-            fit.variance,
+            fit.error,
             (reading.lit.shape[1], reading.above, reading.left),
             fit.cell,
             fit.along,

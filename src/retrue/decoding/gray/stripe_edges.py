@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 
 from retrue.decoding.gray.bend import plane_bias
 from retrue.decoding.gray.bits import AxisCode
+from retrue.decoding.gray.scatter import scatter_level
 from retrue.geometry.arrays import BoolArray
 from retrue.kernels import stripes as kernel
 
@@ -70,12 +71,14 @@ class PlaneFit:
     planes : (3, rows, columns), sub-pixel n in the cell's centre, and its slopes along and across the axis.
     mean_square : of the distances of the window's edges from their own cell's plane, in stripes^2.
     variance : of the planes' n, in stripes^2, from how the edges scatter; grows where they lie to one side.
+    error : the same, as the planes themselves scatter.
     cell, along : side of a cell in pixels, array axis of comparison.
     """
 
     planes: FloatImage
     mean_square: FloatImage
     variance: FloatImage
+    error: FloatImage
     cell: int
     along: int
 
@@ -140,8 +143,8 @@ def fit_planes(edges: Edges, along: int) -> PlaneFit:
     variance = cast(FloatImage, of_weight_1 * per_weight * (1 + np.maximum(lever, 0)) * np.float32(0.5 / cell**2))
     whole = ((mean_square < LARGEST_RESIDUAL**2) & (weights > tiny)).view(np.uint8)
     moments = cast("dict[str, FloatImage]", {"x": x, "y": y, "xx": xx, "yy": yy, "xy": xy})
-    planes[0] -= plane_bias((planes[1], planes[2]), moments, whole, cell, along)
-    return PlaneFit(planes, mean_square, variance, cell, along)
+    planes[0] -= plane_bias((planes[1], planes[2]), moments, np.sqrt(variance), whole, cell, along)
+    return PlaneFit(planes, mean_square, variance, variance * scatter_level(planes[0], variance, whole), cell, along)
 
 
 def _windowed(own: dict[str, FloatImage], cell: int, along: int) -> dict[str, FloatImage]:

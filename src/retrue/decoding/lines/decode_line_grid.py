@@ -8,6 +8,7 @@ import numpy as np
 
 from retrue.correspondences import Card, Correspondences
 from retrue.decoding.light import around, saturated
+from retrue.decoding.lines.decode_stripes import decode_stripes
 from retrue.decoding.lines.look import look
 from retrue.decoding.lines.sight import LineSight, advise
 from retrue.decoding.pictures import coverage, rgb, scene_light, seen_colors
@@ -26,9 +27,11 @@ def decode_line_grid(
 ) -> Correspondences:
     """Crossings of the lines of `pattern` in one colour picture; empty, with advice, where there is no such grid.
 
+    Of a pattern of stripes, columns or rows alone: points along them, of one coordinate.
+
     Parameters
     ----------
-    pattern : columns and rows.
+    pattern : columns, rows or both.
     image : (h, w, 3) red, green, blue, uint8 or uint16.
     black, white : the same view with the projector dark, and all white; not needed, but they remove the
         room's light and the paint of the scene.
@@ -42,10 +45,12 @@ def decode_line_grid(
     Raises
     ------
     InputError
-        where `image` is no picture at all, the other two are not of its size, or all lines of the
-        pattern run one way.
+        where `image` is no picture at all, or the other two are not of its size.
     """
-    points = correspondences_of(inspect_line_grid(pattern, image, black, white), rgb(image, "image"))
+    if pattern.columns is None or pattern.rows is None:
+        points = decode_stripes(pattern, scene_light(image, black, white), rgb(image, "image"))
+    else:
+        points = correspondences_of(inspect_line_grid(pattern, image, black, white), rgb(image, "image"))
     return points if white is None else replace(points, colors=seen_colors(white, points.camera_px, "white"))
 
 
@@ -55,9 +60,7 @@ def inspect_line_grid(
     """All that the decoder sees on its way: crossings, places, surfaces."""
     columns, rows = pattern.columns, pattern.rows
     if columns is None or rows is None:
-        raise InputError(
-            "line grid: expected columns and rows, found lines of one direction, which tell one coordinate"
-        )
+        raise InputError("line grid: expected columns and rows, found lines of one direction, which do not cross")
     picture = scene_light(image, black, white)
     halvings = 0
     while max(picture.shape[:2]) / 2**halvings > FIRST_SIDE:

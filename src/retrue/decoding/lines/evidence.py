@@ -6,7 +6,7 @@ import numpy as np
 
 from retrue.decoding.lines.growth import look_ahead
 from retrue.decoding.lines.surfaces import Code, Surfaces
-from retrue.geometry.arrays import FloatArray, Image, IntArray
+from retrue.geometry.arrays import BoolArray, FloatArray, Image, IntArray
 from retrue.kernels import places as kernel
 
 SIGNIFICANCE = 4.0  # nats by which a surface must beat chance, by its columns and by its rows
@@ -31,12 +31,19 @@ def significant(picture: Image, surfaces: Surfaces, code: Code) -> Surfaces:
     owner = np.concatenate([surface[row, column], surface[source[:, 0], source[:, 1]]])
     nats = np.concatenate([of_held, of_other], axis=1)
     rows, columns = np.concatenate([row, target[:, 0]]), np.concatenate([column, target[:, 1]])
-    trials = np.log(max(len(np.unique(owner)), 1))
     sure = surfaces.held
     for line, of_line, places in ((columns, nats[0], code.shape[1]), (rows, nats[1], code.shape[0])):
-        total = _by_line(owner, line, of_line, surface.size)
-        sure &= total[surface] > SIGNIFICANCE + np.log(places) + trials
+        sure &= beats_chance(owner, line, of_line, places, surface.size)[surface]
     return surfaces.only(sure)
+
+
+def beats_chance(owner: IntArray, line: IntArray, nats: FloatArray, places: int, count: int) -> BoolArray:
+    """(count,) whether the lines of each owner, of so many `places` in the code, speak for where they lie.
+
+    Of M crossings: `owner` and `line` (M,), and the `nats` (M,) by which they speak for their line's colour.
+    """
+    trials = np.log(max(len(np.unique(owner)), 1))
+    return _by_line(owner, line, nats, count) > SIGNIFICANCE + np.log(places) + trials
 
 
 def _by_line(owner: IntArray, line: IntArray, nats: FloatArray, count: int) -> FloatArray:

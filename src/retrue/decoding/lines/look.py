@@ -96,7 +96,7 @@ def _surfaces(picture: Image, scale: int, placed: _Placed) -> Surfaces:
     surfaces = _on_code(placed).scaled(scale)
     if not surfaces.held.any():
         return surfaces
-    smooth = _smoothed(picture, _pitch(surfaces, placed.crossings, scale))
+    smooth = smoothed(picture, _pitch(surfaces, placed.crossings, scale))
     for _ in range(ROUNDS):
         surfaces = grow(smooth, measured(smooth, surfaces, code), code)
         surfaces = surfaces.only(~odd_blocks(surfaces.position, surfaces.joints)[0])
@@ -143,7 +143,7 @@ def halved(picture: Image, halvings: int) -> Image:
     return np.asarray(cv2.resize(picture[: h * scale, : w * scale], (w, h), interpolation=cv2.INTER_AREA))
 
 
-def _smoothed(picture: Image, pitch: float) -> Image:
+def smoothed(picture: Image, pitch: float) -> Image:
     """`picture` in eight bits of light, averaged over a box about as wide as samples of a profile lie apart."""
     gain = 1.0
     if picture.dtype != np.uint8:

@@ -43,6 +43,15 @@ def place_crossings(
     return Places(column, row, lead)
 
 
+def place_columns(neighbour: IntArray, nats: FloatArray, columns: IntArray, row: IntArray) -> Places:
+    """The same of columns that no line crosses, seen in those rows (N,) of the picture."""
+    column, lead = _best(_evidence(windows(neighbour), nats, columns))
+    column = np.where(lead > LEAD, column, NONE)
+    for _ in range(2):
+        column = np.where(_agreeing(neighbour, column, row), column, NONE)
+    return Places(column, np.where(column >= 0, row, NONE), lead)
+
+
 def windows(neighbour: IntArray) -> IntArray:
     """(N, 2 REACH + 1, 2 REACH + 1) the crossings about each, [down, right], or -1."""
     count = len(neighbour)

@@ -14,7 +14,7 @@ from retrue.decoding.gray.decode_gray_code import REASONS as GRAY_REASONS
 from retrue.decoding.gray.decode_gray_code import band_rows, read_gray
 from retrue.decoding.gray.faults import CAPTURE
 from retrue.decoding.gray.sequence import gray_sequence
-from retrue.decoding.light import saturated
+from retrue.decoding.light import FULL, saturated
 from retrue.decoding.sequence.arrange import ArrangedSequence, arrange, frames_of, scene_lights
 from retrue.decoding.sequence.read_sines import REASONS as SINE_REASONS
 from retrue.decoding.sequence.read_sines import plan_sines, read_sines
@@ -101,15 +101,19 @@ def decode_pictures(
 
 
 def _read_all_the_same(sequence: ArrangedSequence, fault: SineFault) -> tuple[Correspondences, ArrangedSequence]:
-    """With the order, and without the share of the picture before, that were found; raises where that cannot be."""
+    """With the order, and without the gains and the share of the picture before, that were found; raises where that
+    cannot be."""
     what = "; ".join(fault.causes)
     if fault.spec is None:
         raise CaptureError(CAPTURE, what)
     pictures = sequence.pictures
-    if fault.share:
+    if fault.share or fault.gains is not None:
         from retrue.decoding.sequence.diagnosis import without_light_faults
 
-        pictures = without_light_faults(pictures, np.ones(len(pictures)), fault.share)
+        gains = np.ones(len(pictures)) if fault.gains is None else fault.gains
+        pictures = without_light_faults(pictures, gains, fault.share)
+        for seen, made in zip(sequence.pictures, pictures, strict=True):
+            made[seen >= FULL * np.iinfo(seen.dtype).max] = np.iinfo(made.dtype).max
     white, black, _ = scene_lights(fault.spec, pictures, pictures)
     sequence = replace(sequence, spec=fault.spec, pictures=pictures, white=white, black=black)
     points = decode_arranged(sequence)

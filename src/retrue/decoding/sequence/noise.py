@@ -63,7 +63,8 @@ def measure_noise(pictures: Sequence[Image], sines: Sequence[Sequence[Sine]]) ->
     blocks = _blocks(pictures[shown[0]].shape)
     stacks = np.stack([np.stack([pictures[index][block] for index in shown]) for block in blocks]).astype(np.float64)
     told = _lit(stacks, FULL * np.iinfo(pictures[shown[0]].dtype).max)
-    combinations = _unexplained(shown, sines)
+    combinations = unexplained(shown, sines)
+    combinations = combinations if len(combinations) else np.eye(len(shown))
     levels: list[FloatArray] = []
     scatter: list[FloatArray] = []
     for weights in combinations:
@@ -89,8 +90,8 @@ def _lit(stacks: FloatArray, full: float) -> BoolArray:
     return lit[:, 1:-1, 1:-1] & np.all(around, axis=0)
 
 
-def _unexplained(shown: Sequence[int], sines: Sequence[Sequence[Sine]]) -> FloatArray:
-    """(M, N) combinations of unit length of the N pictures; each picture alone, where there are none."""
+def unexplained(shown: Sequence[int], sines: Sequence[Sequence[Sine]]) -> FloatArray:
+    """(M, N) combinations of unit length of the N pictures that any brightness and any sines leave at zero."""
     where = {index: row for row, index in enumerate(shown)}
     columns = [np.ones(len(shown))]
     for axis in sines:
@@ -100,8 +101,7 @@ def _unexplained(shown: Sequence[int], sines: Sequence[Sequence[Sine]]) -> Float
                 column[[where[index] for index in sine.pictures]] = wave(2 * np.pi * np.array(sine.shifts))
                 columns.append(column)
     _, values, rows = np.linalg.svd(np.stack(columns))
-    rank = int(np.sum(values > NULL * values[0]))
-    return rows[rank:] if rank < len(shown) else np.eye(len(shown))
+    return rows[int(np.sum(values > NULL * values[0])) :]
 
 
 def _blocks(shape: tuple[int, ...]) -> list[tuple[slice, slice]]:

@@ -15,9 +15,11 @@ from itertools import pairwise
 import numpy as np
 
 from retrue.decoding.gray.faults import CAPTURE
+from retrue.decoding.light import FULL
 from retrue.decoding.sequence.hypotheses import LATEST, Sample, take_sample
+from retrue.decoding.sequence.sine_gains import fit_sine_gains, sine_misfit
 from retrue.errors import CaptureError, InputError
-from retrue.geometry.arrays import FloatArray, Image
+from retrue.geometry.arrays import BoolArray, FloatArray, Image
 from retrue.patterns.sequence import AXES, Frame, FrameSequence, Sine
 
 NEAR = 1 / 6
@@ -33,6 +35,11 @@ DARK = 0.2
 GAMMAS = (0.45, 0.6, 0.75, 1.4, 1.8, 2.2, 2.6)
 LEAST_SHARE, LARGEST_SHARE = 0.05, 0.45
 LEAST_SPREAD = 1.15
+"""Of gains that cannot be told, to be named."""
+LEAST_GAINS = 1.03
+"""Of gains that are taken out."""
+BETTER = 0.5
+"""Of what no scene explains, that gains which are believed leave."""
 FEWEST_PERIODS = 4
 """Over the projector, of a sine whose phases a scene shows about alike."""
 MOST_PERIODS = 64
@@ -43,11 +50,15 @@ ON_ITS_HEAD = "the projector's picture stands on its head, or the shifts of both
 
 @dataclass(frozen=True, slots=True)
 class SineFault:
-    """What was found: `causes`, and the sequence as it truly is, None where that cannot be read."""
+    """What was found: `causes`, and the sequence as it truly is, None where that cannot be read.
+
+    `share` of the picture before in each, `gains` (pictures,) of each, None where they are all alike.
+    """
 
     causes: tuple[str, ...]
     spec: FrameSequence | None
     share: float
+    gains: FloatArray | None
     figures: dict[str, float]
 
 
@@ -56,8 +67,10 @@ def find_sine_fault(spec: FrameSequence, grey: Sequence[Image], names: Sequence[
 
     Raises `CaptureError` where they are not, and nothing explains them.
     """
+    if not any(_told(spec, axis) for axis in spec.axes):
+        return None
     sample = take_sample(grey, np.random.default_rng(0))
-    if sample is None or not any(_told(spec, axis) for axis in spec.axes):
+    if sample is None:
         return None
     level = np.median(sample.here, axis=1)
     if dark := int(np.argmax(level > DARK * np.median(level))):
@@ -67,10 +80,9 @@ def find_sine_fault(spec: FrameSequence, grey: Sequence[Image], names: Sequence[
             f"{names[same[0]]} and {names[same[1]]} show the same, but should not: take the capture again"
         )
     causes, found = list[str](), spec
-    share = _share(sample, spec)
-    as_it_was = sample.corrected(np.ones(len(grey)), share)
-    if share and agreement(as_it_was.here, spec) < agreement(sample.here, spec) - CLEAR / 3:
-        share, as_it_was = 0.0, sample
+    ended = np.asarray((sample.here >= FULL * np.iinfo(grey[0].dtype).max).any(axis=0))
+    share, gains = _light(sample, spec, ended)
+    as_it_was = sample.corrected(np.ones(len(grey)) if gains is None else gains, share)
     here = as_it_was.here
     held = agreement(here, spec)
     if not held > HOLDS and any(agreement(_straight(here, gamma), spec) > HOLDS for gamma in GAMMAS):
@@ -80,11 +92,11 @@ def find_sine_fault(spec: FrameSequence, grey: Sequence[Image], names: Sequence[
         most = max((own[0] for own in tried), default=0.0)
         if most > max(held + CLEAR, HOLDS):
             alike = [own for own in tried if own[0] > most - CLEAR / 3]
-            held, what, found = max(alike, key=lambda own: (-len(own[1]), float(np.trace(_turning(as_it_was, own[2])))))
+            held, what, found = max(alike, key=lambda own: (-len(own[1]), _upright(_turning(as_it_was, own[2]))))
             causes += what
     if held > HOLDS:
         turning = _turning(as_it_was, found)
-        aside = abs(turning[0, 1]) + abs(turning[1, 0]) > abs(turning[0, 0]) + abs(turning[1, 1])
+        aside = _aside(turning)
         if len(spec.axes) == 2 and np.linalg.det(turning) < 0 and aside:
             exchanged = list(_valid((ROWS_FIRST,), found, _axes_exchanged(found.frames)))
             if exchanged and ROWS_FIRST not in causes:
@@ -95,8 +107,14 @@ def find_sine_fault(spec: FrameSequence, grey: Sequence[Image], names: Sequence[
             causes.append(ON_ITS_HEAD)
         if share:
             causes.append(f"every picture holds {100 * share:.0f} % of the one before it: synchronise, or wait longer")
-        figures = {"agreement": held, **({"share_of_picture_before": share} if share else {})}
-        return SineFault(tuple(causes), found, share, figures) if causes else None
+        if gains is not None:
+            causes.append(f"{_unlike(float(gains.max() / gains.min()))}: switch automatic exposure off")
+        figures = {
+            "agreement": held,
+            **({"share_of_picture_before": share} if share else {}),
+            **({} if gains is None else {"gain_spread": float(gains.max() / gains.min())}),
+        }
+        return SineFault(tuple(causes), found, share, gains, figures) if causes else None
     for late in range(1, LATEST + 1):
         shown = [*range(late, len(grey))]
         part = _agreement_of(sample.here[shown], spec.frames[: len(shown)], spec)
@@ -106,9 +124,7 @@ def find_sine_fault(spec: FrameSequence, grey: Sequence[Image], names: Sequence[
         return _unreadable(periods)
     spread = _brightness(sample, spec)
     if spread > LEAST_SPREAD:
-        return _unreadable(
-            f"brightness changes from picture to picture, by a factor of {spread:.2f}: switch automatic exposure off"
-        )
+        return _unreadable(f"{_unlike(spread)}: switch automatic exposure off")
     raise CaptureError(
         CAPTURE,
         f"coarse and fine sines agree at {100 * held:.0f} % of the lit pixels (one in three by chance): "
@@ -117,7 +133,25 @@ def find_sine_fault(spec: FrameSequence, grey: Sequence[Image], names: Sequence[
 
 
 def _unreadable(cause: str) -> SineFault:
-    return SineFault((cause,), None, 0.0, {})
+    return SineFault((cause,), None, 0.0, None, {})
+
+
+def _unlike(spread: float) -> str:
+    return f"brightness changes from picture to picture, by a factor of {spread:.2f}"
+
+
+def _light(sample: Sample, spec: FrameSequence, ended: BoolArray) -> tuple[float, FloatArray | None]:
+    """The share of the picture before in each, and the gains of the pictures; 0 and None where they explain nothing."""
+    ones = np.ones(len(sample.here))
+    share = _share(sample, spec)
+    mixed = sample.corrected(ones, share)
+    if share and agreement(mixed.here, spec) < agreement(sample.here, spec) - CLEAR / 3:
+        share, mixed = 0.0, sample
+    gains = fit_sine_gains(sample, spec, ended)
+    if not gains.max() > LEAST_GAINS * gains.min():
+        return share, None
+    left = [sine_misfit(seen.here[:, ~ended], spec) for seen in (mixed, sample.corrected(gains, 0.0))]
+    return (0.0, gains) if left[1] < BETTER * left[0] else (share, None)
 
 
 def _straight(here: FloatArray, gamma: float) -> FloatArray:
@@ -137,6 +171,16 @@ def _turning(sample: Sample, spec: FrameSequence) -> FloatArray:
                 gone = _fit(beside, sine)[1] - here
                 found[axis, side] = sine.period_px * float(np.median(gone - np.rint(gone)))
     return found
+
+
+def _aside(turning: FloatArray) -> bool:
+    """Whether columns go on downwards, and rows to the right."""
+    return bool(abs(turning[0, 1]) + abs(turning[1, 0]) > abs(turning[0, 0]) + abs(turning[1, 1]))
+
+
+def _upright(turning: FloatArray) -> float:
+    """By how much the projector's picture stands upright, its axes exchanged where they are."""
+    return float(np.trace(turning[::-1] if _aside(turning) else turning))
 
 
 def agreement(here: FloatArray, spec: FrameSequence) -> float:

@@ -1,0 +1,66 @@
+"""How far planes through stripe edges scatter, beside what their own edges say.
+
+Edges of one stripe err alike: where the camera's pixels and the stripes beat, lines of them are off together, which a
+single plane takes for the surface. Planes farther apart than their windows reach show it: on a smooth surface, third
+differences of their values are noise.
+"""
+
+from __future__ import annotations
+
+from typing import cast
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+FloatImage = NDArray[np.float32]
+
+APART = 5  # cells from plane to plane of a difference: hardly an edge is in two windows
+THIRD = np.array([1.0, -3.0, 3.0, -1.0], np.float32)
+AROUND = 31  # cells, side of the square over which the scatter is averaged
+CLIPPED = 4.0  # sigmas: what is farther off is a step of the surface
+BELIEF = 20.0  # differences that the planes' own word counts as
+
+
+def scatter_level(value: FloatImage, variance: FloatImage, whole: NDArray[np.uint8]) -> FloatImage:
+    """Variance that planes show, over their own, about each cell; nearer to 1 the fewer tell.
+
+    Parameters
+    ----------
+    value, variance : of each cell's plane in its centre, (rows, columns).
+    whole : 1 where its window lies on one surface.
+    """
+    total, known = (np.full(value.shape, 0.0, np.float32) for _ in range(2))
+    for axis in range(2):
+        length = value.shape[axis] - 3 * APART
+        if length <= 0:
+            continue
+        off, expected = (np.zeros(whole.shape, np.float32)[_part(axis, 0, length)] for _ in range(2))
+        for place, weight in enumerate(THIRD):
+            off += weight * value[_part(axis, place * APART, length)]
+            expected += weight * weight * variance[_part(axis, place * APART, length)]
+        whole_way = _all_along(whole, axis, length)
+        square = np.minimum(off * off / np.maximum(expected, np.float32(1e-12)), np.float32(CLIPPED**2))
+        middle = _part(axis, 3 * APART // 2, length)
+        total[middle] += square * whole_way
+        known[middle] += whole_way
+    squares, count = (_sum_around(image) for image in (total, known))
+    return cast(FloatImage, (squares + np.float32(BELIEF)) / (count + np.float32(BELIEF)))
+
+
+def _all_along(whole: NDArray[np.uint8], axis: int, length: int) -> FloatImage:
+    """1 where all cells of a difference are whole."""
+    counts = np.insert(np.cumsum(whole, axis=axis, dtype=np.int32), 0, 0, axis=axis)
+    reach = 3 * APART + 1
+    return (counts[_part(axis, reach, length)] - counts[_part(axis, 0, length)] == reach).astype(np.float32)
+
+
+def _part(axis: int, first: int, length: int) -> tuple[slice, slice]:
+    """Index of so many cells along an array axis."""
+    cut = slice(first, first + length)
+    return (cut, slice(None)) if axis == 0 else (slice(None), cut)
+
+
+def _sum_around(image: FloatImage) -> FloatImage:
+    square = (AROUND, AROUND)
+    return cast(FloatImage, cv2.boxFilter(image, cv2.CV_32F, square, normalize=False, borderType=cv2.BORDER_CONSTANT))

@@ -1,0 +1,208 @@
+"""A dense cloud smoothed over its grid, as far as noise explains what is evened out, and never over an edge.
+
+Inverse depth w is smoothed along the camera's rays: a plane is linear in it, and its noise is even over the picture.
+Each point takes the value of a quadric that is fitted to the window of cells around it, by one fixed filter a size,
+
+    k(x, y) = s(x) / n + s(y) / n - 1 / n^2,    n = 2 h + 1,
+
+s the filter of a parabola in one dimension. A window counts only where the surface goes on through all of it, so that
+nothing is carried over a jump; and only while it changes the smaller windows' answer by no more than noise does, so
+that creases, steps and bends stay as they are: the larger one is left where the scene, not noise, makes it differ.
+
+Sources: Savitzky, Golay, "Smoothing and differentiation of data by simplified least squares procedures", Analytical
+Chemistry 36, 1964 (the filter); Lepski, "A problem of adaptive estimation in Gaussian white noise", Theory of
+Probability and its Applications 35, 1990 (the size of the window).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from itertools import pairwise
+from typing import Any, cast
+
+import numpy as np
+
+from retrue.errors import InputError
+from retrue.geometry.arrays import BoolArray, FloatArray, IntArray
+from retrue.geometry.robust import MAD_TO_SIGMA
+from retrue.reconstruction.cloud import Cloud, require_cloud
+from retrue.reconstruction.surface_grid import SurfaceGrid, surface_grid
+
+HALVES = (1, 2, 4, 8)
+"""Cells that a window reaches to either side of its own."""
+AGREE = 3.0
+"""Sigmas of the mean square of their difference by which two sizes of window may differ."""
+INDEPENDENT = 0.75
+"""Of what white noise would lose: neighbours that lose so much err each by itself."""
+FEWEST = 500
+"""Windows that tell how much a size evens out."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Window:
+    """What one size of window makes of inverse depth, (H, W) each.
+
+    Attributes
+    ----------
+    w : the value of the quadric in its middle.
+    whole : where the surface goes on through all of the window.
+    left : share of the variance that white noise leaves.
+    variance : mean of the points' own in the window.
+    """
+
+    w: FloatArray
+    whole: BoolArray
+    left: float
+    variance: FloatArray
+
+
+def smoothed(cloud: Cloud) -> Cloud:
+    """The cloud with less noise: each point moved along the camera's ray, and its `sigma` that of where it is now.
+
+    How much of the noise each size of window takes away is measured on the cloud, since neighbours may err alike: a
+    Gray code's points do, over some two stripes, and gain little. `Cloud.card` tells how many points were `smoothed`,
+    and the median side of their windows, `smoothed_cells`.
+
+    Raises
+    ------
+    InputError : the points have no grid, or nobody knows their noise.
+    """
+    require_cloud(cloud)
+    if cloud.cells is None or cloud.sigma is None:
+        raise InputError(
+            "smooth: expected points of a capture with a grid, and their sigma, found scattered ones; decode a picture"
+        )
+    grid = surface_grid(cloud.points, cloud.cells)
+    own = (cloud.sigma / (cloud.points[:, 2] * np.linalg.norm(cloud.points, axis=1))) ** 2  # variance of w
+    windows = _windows(grid, np.where(grid.index >= 0, own[grid.index], np.nan))
+    steps, last = _steps(windows)
+    size = _sizes(windows, steps)
+    ratio, share = np.ones(len(cloud)), np.ones(len(cloud))
+    for number, window in enumerate(windows[1:], start=1):
+        here = size == number
+        rows, left = grid.index[here], sum(steps[number:]) + last
+        ratio[rows] = grid.w[here] / window.w[here]
+        share[rows] = np.sqrt(np.minimum(left * window.variance[here] / own[rows], 1.0))
+    return _moved(cloud, ratio, share, size[size > 0])
+
+
+def _moved(cloud: Cloud, ratio: FloatArray, share: FloatArray, sizes: IntArray) -> Cloud:
+    """The cloud with points that many times as far away, and that share of their sigma."""
+    assert cloud.sigma is not None
+    sigma, known = cloud.sigma * share, cloud.uncertainty
+    if known is not None:
+        camera, projector = (share * own for own in (known.camera_sigma_px, known.projector_sigma_px))
+        known = replace(known, camera_sigma_px=camera, projector_sigma_px=projector)
+    card = {
+        **cloud.card,
+        "smoothed": len(sizes),
+        "smoothed_cells": _side(int(np.median(sizes))) if len(sizes) else 1,
+        "sigma": float(np.nanmedian(sigma)) if np.isfinite(sigma).any() else None,
+    }
+    return replace(cloud, points=cloud.points * ratio[:, None], sigma=sigma, uncertainty=known, card=card)
+
+
+def _windows(grid: SurfaceGrid, variance: FloatArray) -> list[_Window]:
+    """Of each size; the first is the point itself."""
+    there = np.isfinite(grid.w)
+    pairs, around = (_opposite(values) for values in (grid.w, variance))
+    with np.errstate(invalid="ignore"):  # a cell without a point, about which opposite ones all have one middle
+        bridged = ~there & (np.ptp(pairs, axis=0) <= AGREE * np.sqrt(around.mean(axis=0)))
+    w, own = (np.where(bridged, of.mean(axis=0), at) for of, at in ((pairs, grid.w), (around, variance)))
+    gap = ~(there | bridged)
+    right = ~(grid.right | bridged[:, :-1] | bridged[:, 1:])
+    down = ~(grid.down | bridged[:-1] | bridged[1:])
+    made = [_Window(grid.w, there, 1.0, variance)]
+    for half in HALVES:
+        side = 2 * half + 1
+        if side > min(there.shape):
+            break
+        whole = np.zeros(there.shape, np.bool_)
+        inner = (slice(half, -half), slice(half, -half))
+        whole[inner] = (
+            _sums(gap, side, side) + _sums(right, side, side - 1) + _sums(down, side - 1, side) == 0
+        ) & there[inner]
+        mean, line = np.full(side, 1 / side), parabola(half)
+        level = np.nan_to_num(w)
+        value = _filtered(level, mean, line) + _filtered(level, line, mean) - _filtered(level, mean, mean)
+        filter_ = np.add.outer(line, line) / side - 1 / side**2
+        made.append(_Window(value, whole, float(np.sum(filter_**2)), _filtered(np.nan_to_num(own), mean, mean)))
+    return made
+
+
+def parabola(half: int) -> FloatArray:
+    """(2 half + 1,) weights of equally spaced values in the value of their parabola in the middle.
+
+    >>> (35 * parabola(2)).round(9).tolist()
+    [-3.0, 12.0, 17.0, 12.0, -3.0]
+    """
+    x = np.arange(-half, half + 1.0)
+    return np.asarray(np.linalg.pinv(np.stack([np.ones_like(x), x, x * x], axis=1))[0], np.float64)
+
+
+def _steps(windows: list[_Window]) -> tuple[list[float], float]:
+    """Share of the variance that each window takes from the one before it; and what the last one leaves.
+
+    Of windows that tell too little it is what they would take were neighbours independent. Where all take hardly less
+    than that, what is left goes on so; else neighbours err alike over more than the windows, and the rest is left.
+    """
+    level, steps = 1.0, list[float]()
+    for finer, coarser in pairwise(windows):
+        both = finer.whole & coarser.whole & (coarser.variance > 0)
+        if np.count_nonzero(both) >= FEWEST:
+            variance = (finer.left - coarser.left) * coarser.variance[both]
+            level = (MAD_TO_SIGMA * float(np.median(np.abs(finer.w - coarser.w)[both] / np.sqrt(variance)))) ** 2
+        steps.append(level * (finer.left - coarser.left))
+    alike = sum(steps) < INDEPENDENT * (1 - windows[-1].left)
+    return steps, 1 - sum(steps) if alike else level * windows[-1].left
+
+
+def _sizes(windows: list[_Window], steps: list[float]) -> IntArray:
+    """(H, W) number of the largest window that agrees with all smaller ones but the point itself.
+
+    Not in its middle alone, where chance decides: all through it smaller windows must differ from the larger ones
+    about them by what noise makes them differ, in the mean square.
+    """
+    size = np.zeros(windows[0].w.shape, np.int64)
+    for number, window in enumerate(windows[1:], start=1):
+        agrees = window.whole & (size == number - 1)
+        mean = np.full(_side(number), 1 / _side(number))
+        for smaller in range(1, number):
+            both = window.whole & windows[smaller].whole
+            expected = np.where(both, sum(steps[smaller:number]) * window.variance, 1.0)
+            off = np.where(both, (window.w - windows[smaller].w) ** 2, 0.0) / expected
+            share = _filtered(both.astype(np.float64), mean, mean)
+            independent = np.maximum(share * (_side(number) / _side(smaller)) ** 2, 1.0)
+            agrees &= _filtered(off, mean, mean) <= share * (1 + AGREE * np.sqrt(2 / independent))
+        size[agrees] = number
+    return size
+
+
+def _side(number: int) -> int:
+    """Cells along a window."""
+    return 2 * HALVES[number - 1] + 1
+
+
+def _opposite(values: FloatArray) -> FloatArray:
+    """(4, H, W) means of the two cells on opposite sides of each, NaN beyond the border."""
+    padded = np.pad(values, 1, constant_values=np.nan)
+    height, width = values.shape
+
+    def beside(down: int, right: int) -> FloatArray:
+        return padded[1 + down : 1 + down + height, 1 + right : 1 + right + width]
+
+    return np.stack([(beside(*way) + beside(-way[0], -way[1])) / 2 for way in ((0, 1), (1, 0), (1, 1), (1, -1))])
+
+
+def _sums(mask: BoolArray, height: int, width: int) -> FloatArray:
+    """(H - height + 1, W - width + 1) how many of each block of cells are true."""
+    total = np.pad(np.cumsum(np.cumsum(mask, axis=0), axis=1), ((1, 0), (1, 0)))
+    rows = total[height:] - total[: len(total) - height]
+    return np.asarray(rows[:, width:] - rows[:, : rows.shape[1] - width], np.float64)
+
+
+def _filtered(values: FloatArray, down: FloatArray, across: FloatArray) -> FloatArray:
+    from scipy import ndimage
+
+    filtered = cast("Any", ndimage).correlate1d(values, down, axis=0, mode="constant")
+    return cast("Any", ndimage).correlate1d(filtered, across, axis=1, mode="constant")
