@@ -9,12 +9,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from retrue.correspondences import Correspondences, require_points
-from retrue.errors import DegenerateError, require_kind
+from retrue.errors import DegenerateError, InputError, require_kind
 from retrue.geometry.arrays import BoolArray, FloatArray
 from retrue.geometry.camera import Camera
 from retrue.geometry.robust import MAD_TO_SIGMA
 from retrue.geometry.triangulation import sampson_distances, triangulate
 from retrue.rasters import check_rasters
+from retrue.reconstruction.albedo import albedo
 from retrue.reconstruction.cloud import Cloud
 from retrue.reconstruction.error_by_distance import common_sigma
 from retrue.reconstruction.noise import point_noise, stated_sigmas
@@ -51,6 +52,7 @@ def reconstruct(rig: Rig, points: Correspondences, options: ReconstructOptions |
     ------
     CaptureError : points of other rasters than the rig's: `check_rasters`.
     DegenerateError : the rig's devices coincide (t = 0), or no point remains.
+    InputError : an albedo is asked for of points without colours or without a grid.
 
     >>> from retrue import Camera, RigidTransform
     >>> camera = Camera((640, 480), [[500, 0, 320], [0, 500, 240], [0, 0, 1]])
@@ -93,6 +95,10 @@ def reconstruct(rig: Rig, points: Correspondences, options: ReconstructOptions |
     cells = None if points.cells is None else points.cells[kept]
     cloud = Cloud(X[kept], _colors(points)[kept], points.camera_px[kept], rig.unit, cells, card)
     grid = None if cells is None else surface_grid(cloud.points, cells)
+    if options.albedo:
+        if grid is None or points.colors is None:
+            raise InputError("albedo: expected coloured points of a capture with a grid, whose neighbours tell normals")
+        cloud = replace(cloud, colors=albedo(rig, points.select(kept), cloud.points, grid))
     cloud, cut = _with_sigma(cloud, rig, points.select(kept), residual_px[kept], grid)
     return cloud if options.keep_strays or grid is None else _without_strays(cloud, grid, cut)
 
