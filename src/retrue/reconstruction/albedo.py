@@ -11,8 +11,8 @@ from retrue.reconstruction.normals import surface_normals
 from retrue.reconstruction.surface_grid import SurfaceGrid
 from retrue.rig import Rig
 
-STEEPEST = 0.1
-"""Least cosine that is divided by: what is lit at a slant beyond 84 degrees has little light, and no sure normal."""
+STEEPEST = 0.2
+"""Least cosine that is divided by: what is lit at a slant beyond 78 degrees has little light, and no sure normal."""
 
 
 def albedo(rig: Rig, points: Correspondences, X: FloatArray, grid: SurfaceGrid) -> NDArray[np.uint8]:

@@ -10,7 +10,6 @@ picture.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from math import erf, erfc, exp, pi
 from typing import Any, cast
 
@@ -141,27 +140,19 @@ def _scatter_in_depth(X: FloatArray, along: FloatArray, grid: SurfaceGrid) -> Fl
     `along` (N,) is the sigma of 1 / Z that is expected. Third differences over the grid free depth of what is smooth,
     over steps as short as noise allows (`_differences`): of a ball, of which a step covers a tenth of the radius, they
     leave a few thousandths of a step. A decoder's sigma says little of the waves where its pattern and the camera's
-    pixels beat, strong in one place, none in the next: so the picture is cut into blocks, the mean difference of each,
-    which is of its shape, is left out, and the size of the others (Huber's, as `robust_size`) is taken of all and of
-    each block, and interpolated between the blocks' middles.
+    pixels beat, strong in one place, none in the next: so the picture is cut into blocks, the size of the differences
+    (Huber's, as `robust_size`) is taken of all and of each, and interpolated between the blocks' middles.
     """
     from scipy import ndimage
 
-    families = _differences(X, along, grid)
-    count = sum(len(family.chains) for family in families)
-    if count < FEWEST_CHAINS:
+    chains, off = _differences(X, along, grid)
+    if len(chains) < FEWEST_CHAINS:
         return None
-    side = max(1, round(np.sqrt(grid.index.size * PER_BLOCK / count)), -(-max(grid.index.shape) // MOST_BLOCKS))
+    side = max(1, round(np.sqrt(grid.index.size * PER_BLOCK / len(chains))), -(-max(grid.index.shape) // MOST_BLOCKS))
     place = np.zeros((len(X), 2), dtype=np.int64)
     place[grid.index[grid.index >= 0]] = np.argwhere(grid.index >= 0)
     blocks = tuple(-(-extent // side) for extent in grid.index.shape)
-    found: list[tuple[FloatArray, IntArray]] = []
-    for family in families:
-        block = np.asarray(np.ravel_multi_index(tuple((place[family.chains[:, 1]] // side).T), blocks))
-        weight = family.sigma**-2.0
-        mean = np.bincount(block, family.of_w * weight) / np.maximum(np.bincount(block, weight), np.finfo(float).tiny)
-        found.append(((family.of_w - mean[block]) / family.sigma, block))
-    off, block = (np.concatenate(parts) for parts in zip(*found, strict=True))
+    block = np.ravel_multi_index(tuple((place[chains[:, 1]] // side).T), blocks)
     everywhere = robust_size(off)
     off = off / everywhere
 
@@ -176,40 +167,29 @@ def _scatter_in_depth(X: FloatArray, along: FloatArray, grid: SurfaceGrid) -> Fl
     return everywhere * np.exp(cast("Any", ndimage).map_coordinates(logs, between, order=1, mode="nearest"))
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class Differences:
-    """M third differences of 1 / Z: of which points (M, 4), how large (M,), and how large expected (M,), one sigma."""
+def _differences(X: FloatArray, along: FloatArray, grid: SurfaceGrid) -> tuple[IntArray, FloatArray]:
+    """Chains (M, 4), and the third difference (M,) of 1 / Z of each, in sigmas.
 
-    chains: IntArray
-    of_w: FloatArray
-    sigma: FloatArray
-
-
-def _differences(X: FloatArray, along: FloatArray, grid: SurfaceGrid) -> list[Differences]:
-    """Along rows and along columns, over the shortest step from which on a longer one finds no more noise.
-
-    What neighbours err alike shows in long steps only, and what a scene bends shows in long steps the most.
+    Over the shortest step from which on a longer one finds no more noise: what neighbours err alike shows in long steps
+    only, and what a scene bends shows in long steps the most.
     """
     longest = max(1, max(grid.index.shape) // STEPS_PER_SIDE)
     steps = [*(2**k for k in range(longest.bit_length()) if 2**k < longest), longest]
     best, before = _over_step(X, along, grid, steps[0]), np.inf
     for number, step in enumerate(steps):
         found = _over_step(X, along, grid, step) if number else best
-        if sum(len(family.chains) for family in found) < FEWEST_CHAINS:
+        if len(found[0]) < FEWEST_CHAINS:
             break
-        usual = float(np.median(np.concatenate([np.abs(family.of_w) / family.sigma for family in found])))
+        usual = float(np.median(np.abs(found[1])))
         best = found if usual > RISE * before else best
         before = usual
     return best
 
 
-def _over_step(X: FloatArray, along: FloatArray, grid: SurfaceGrid, step: int) -> list[Differences]:
-    both = [_chains(grid.index, grid.right, step), _chains(grid.index.T, grid.down.T, step)]
-    every = max(1, sum(map(len, both)) // MOST_CHAINS)
-    return [
-        Differences(chains, (1 / X[chains, 2]) @ THIRD, np.sqrt(along[chains] ** 2 @ THIRD**2))
-        for chains in (some[::every] for some in both)
-    ]
+def _over_step(X: FloatArray, along: FloatArray, grid: SurfaceGrid, step: int) -> tuple[IntArray, FloatArray]:
+    chains = np.concatenate([_chains(grid.index, grid.right, step), _chains(grid.index.T, grid.down.T, step)])
+    chains = chains[:: max(1, len(chains) // MOST_CHAINS)]
+    return chains, ((1 / X[chains, 2]) @ THIRD) / np.sqrt(along[chains] ** 2 @ THIRD**2)
 
 
 def _chains(index: IntArray, right: BoolArray, step: int) -> IntArray:

@@ -95,12 +95,12 @@ def reconstruct(rig: Rig, points: Correspondences, options: ReconstructOptions |
     cells = None if points.cells is None else points.cells[kept]
     cloud = Cloud(X[kept], _colors(points)[kept], points.camera_px[kept], rig.unit, cells, card)
     grid = None if cells is None else surface_grid(cloud.points, cells)
-    if options.albedo:
-        if grid is None or points.colors is None:
-            raise InputError("albedo: expected coloured points of a capture with a grid, whose neighbours tell normals")
-        cloud = replace(cloud, colors=albedo(rig, points.select(kept), cloud.points, grid))
-    cloud, cut = _with_sigma(cloud, rig, points.select(kept), residual_px[kept], grid)
-    return cloud if options.keep_strays or grid is None else _without_strays(cloud, grid, cut)
+    points = points.select(kept)
+    cloud, cut = _with_sigma(cloud, rig, points, residual_px[kept], grid)
+    if not (options.keep_strays or grid is None):
+        cloud, on_surface = _without_strays(cloud, grid, cut)
+        points = points.select(on_surface)
+    return _with_albedo(cloud, rig, points) if options.albedo else cloud
 
 
 def _with_sigma(
@@ -126,13 +126,19 @@ def _with_sigma(
     return replace(cloud, sigma=sigma, uncertainty=known, card=card), cut
 
 
-def _without_strays(cloud: Cloud, grid: SurfaceGrid, cut: BoolArray) -> Cloud:
-    """The cloud without points that lie on no surface; all of it where the grid shows no surface at all."""
+def _with_albedo(cloud: Cloud, rig: Rig, points: Correspondences) -> Cloud:
+    if cloud.cells is None or points.colors is None:
+        raise InputError("albedo: expected coloured points of a capture with a grid, whose neighbours tell normals")
+    return replace(cloud, colors=albedo(rig, points, cloud.points, surface_grid(cloud.points, cloud.cells)))
+
+
+def _without_strays(cloud: Cloud, grid: SurfaceGrid, cut: BoolArray) -> tuple[Cloud, BoolArray]:
+    """The cloud without points that lie on no surface; all of it where the grid shows no surface at all. And which."""
     strays = find_strays(grid, len(cloud))
     cut = cut & ~(strays.alone | strays.islands)
     kept = ~(strays.alone | strays.islands | cut)
     if not kept.any():
-        return cloud
+        return cloud, np.ones(len(cloud), dtype=np.bool_)
     card = {
         **cloud.card,
         "points": int(kept.sum()),
@@ -140,7 +146,7 @@ def _without_strays(cloud: Cloud, grid: SurfaceGrid, cut: BoolArray) -> Cloud:
         "dropped_in_islands": int(strays.islands.sum()),
         "dropped_at_edges": int(cut.sum()),
     }
-    return replace(cloud.select(kept), card=card)
+    return replace(cloud.select(kept), card=card), kept
 
 
 def set_aside(rig: Rig, points: Correspondences, cloud: Cloud) -> Cloud:
