@@ -12,7 +12,8 @@ from retrue.reconstruction.surface_grid import SurfaceGrid
 from retrue.rig import Rig
 
 STEEPEST = 0.2
-"""Least cosine that is divided by: what is lit at a slant beyond 78 degrees has little light, and no sure normal."""
+"""Least cosine that a normal may have: a point that is lit so little, beyond 78 degrees, would hardly be one."""
+ENOUGH = 3  # neighbours that the surface goes on to, for a normal
 
 
 def albedo(rig: Rig, points: Correspondences, X: FloatArray, grid: SurfaceGrid) -> NDArray[np.uint8]:
@@ -21,7 +22,7 @@ def albedo(rig: Rig, points: Correspondences, X: FloatArray, grid: SurfaceGrid) 
     A dull surface of albedo a returns a cos(theta) / d^2 of the projector's light, d away from it and theta between its
     normal and the way there. The room's light is left out where `points.light` tells the projector's own share. The
     factor leaves the median brightness as it was. The vignetting of either lens, which a picture of a scene does not
-    tell from albedo, stays. Where neighbours tell no normal the median shading counts.
+    tell from albedo, stays. Where too few neighbours tell a normal, theirs count.
 
     Parameters
     ----------
@@ -30,20 +31,27 @@ def albedo(rig: Rig, points: Correspondences, X: FloatArray, grid: SurfaceGrid) 
     Source: Lambert's cosine law and the inverse square law, as in Horn, "Robot Vision", 1986, chapter 10.
     """
     assert points.colors is not None
-    shading = _shading(rig, X, grid)
-    known = np.isfinite(shading)
-    shading = np.where(known, shading, float(np.median(shading[known])) if known.any() else 1.0)
-    found: FloatArray = points.colors * (_own_share(points) / shading)[:, None]
+    found: FloatArray = points.colors * (_own_share(points) / _shading(rig, X, grid))[:, None]
     before, level = (float(np.median(colors.max(axis=1))) for colors in (points.colors, found))
     return np.clip((found * (before / level if level > 0 else 0.0)).round(), 0, 255).astype(np.uint8)
 
 
 def _shading(rig: Rig, X: FloatArray, grid: SurfaceGrid) -> FloatArray:
-    """(N,) cos(theta) / d^2, in 1 / unit^2; NaN where the normal is not known."""
+    """(N,) cos(theta) / d^2, in 1 / unit^2."""
     way = rig.projector_from_camera.inverse().t - X
     distance = np.linalg.norm(way, axis=1)
     cosine: FloatArray = (surface_normals(X, grid) * way).sum(axis=1) / distance
-    return np.maximum(cosine, STEEPEST) / distance**2
+    a, b = grid.links()
+    links = np.bincount(np.concatenate([a, b]), minlength=len(X))
+    known = (cosine > STEEPEST) & (links >= ENOUGH)
+    total, count = np.zeros(len(X)), np.zeros(len(X))
+    for point, neighbour in ((a, b), (b, a)):
+        tells = known[neighbour]
+        total += np.bincount(point[tells], cosine[neighbour[tells]], len(X))
+        count += np.bincount(point[tells], minlength=len(X))
+    usual = float(np.median(cosine[known])) if known.any() else 1.0
+    beside = np.where(count > 0, total / np.maximum(count, 1), usual)
+    return np.where(known, cosine, beside) / distance**2
 
 
 def _own_share(points: Correspondences) -> FloatArray:
