@@ -12,13 +12,16 @@ from __future__ import annotations
 
 import sys
 from collections import defaultdict
+from collections.abc import Callable
+from dataclasses import replace
 
 import numpy as np
 
 from retrue.acceptance.accept import Acceptance, accept
 from retrue.acceptance.artefact import Artefact, Length
-from retrue.acceptance.fits import fit_plane, fit_sphere
+from retrue.acceptance.fits import trimmed_range
 from retrue.correspondences import Correspondences
+from retrue.geometry.sphere import sphere_through
 from retrue.geometry.transform import RigidTransform
 from retrue.rig import Rig
 from retrue.simulation.surfaces import Wall
@@ -62,17 +65,25 @@ def _mean_forms(
     balls = sorted(
         (points.select(here & (surface == k)) for k in (0, 1)), key=lambda part: measured(rig, part).points[0, 0]
     )
-    return [
-        float(
-            np.mean(
-                [
-                    fit_sphere(measured(rig, noisy(part, random, sigma)).points, None, OUTLIERS).form
-                    for _ in range(REPEATS)
-                ]
-            )
-        )
-        for part in balls
-    ]
+    return [_mean_range(random, rig, sigma, part, lambda points: sphere_through(points).residuals) for part in balls]
+
+
+def _mean_range(
+    random: np.random.Generator,
+    rig: Rig,
+    sigma: float,
+    points: Correspondences,
+    residuals: Callable[[np.ndarray], np.ndarray],
+) -> float:
+    """Of the residuals, over new captures of the points."""
+    alone = replace(points, cells=None)
+    captures = (measured(rig, noisy(alone, random, sigma)).points for _ in range(REPEATS))
+    return float(np.mean([trimmed_range(residuals(capture), OUTLIERS) for capture in captures]))
+
+
+def _off_plane(points: np.ndarray) -> np.ndarray:
+    away = points - points.mean(axis=0)
+    return away @ np.linalg.eigh(away.T @ away)[1][:, 0]
 
 
 def plate_test(random: np.random.Generator, rig: Rig, sigma: float, errors: Errors) -> None:
@@ -86,9 +97,8 @@ def plate_test(random: np.random.Generator, rig: Rig, sigma: float, errors: Erro
         return
     (position,) = answer.positions
     used = points.select(np.sort(_rows_of(points, position.camera_px)))
-    forms = [fit_plane(measured(rig, noisy(used, random, sigma)).points, None, OUTLIERS).form for _ in range(REPEATS)]
     value = position.values[0]
-    errors["flatness"].append((value.value - float(np.mean(forms)), value.expanded))
+    errors["flatness"].append((value.value - _mean_range(random, rig, sigma, used, _off_plane), value.expanded))
 
 
 def _rows_of(points: Correspondences, camera_px: np.ndarray) -> np.ndarray:

@@ -120,6 +120,18 @@ def true_points_of_projector(shot: Shot, projector_px: FloatArray) -> FloatArray
     return back.t + np.where(np.isfinite(nearest), nearest, np.nan)[:, None] * direction
 
 
+def true_albedo(shot: Shot, camera_px: FloatArray) -> FloatArray:
+    """(N, 3) of the paint that the rays of camera pixels meet, as the camera's channels mix it; NaN where none is."""
+    seen = look(shot.rig, shot.scene, camera_px[None])
+    rays = shot.rig.camera.unproject(camera_px)
+    at = np.column_stack([rays, np.ones(len(rays))]) * seen.depth[0][:, None]
+    found = np.full((len(camera_px), 3), np.nan)
+    for index, surface in enumerate(shot.scene.surfaces):
+        here = seen.surface[0] == index
+        found[here] = surface.paint.albedo(at[here])
+    return found @ np.array(CAMERA.mixing).T
+
+
 def beside_edges(shot: Shot, camera_px: FloatArray) -> BoolArray:
     """(N,) within `EDGE_PX` of where depth jumps, light ends or surfaces meet."""
     from scipy import ndimage

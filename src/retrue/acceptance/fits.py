@@ -14,14 +14,13 @@ from typing import Any
 
 import numpy as np
 
-from retrue.errors import DegenerateError
 from retrue.geometry.arrays import FloatArray
+from retrue.geometry.sphere import sphere_through
 
 DEGREE = 4
 BLOCKS = 7  # along each side, for what neighbours share
 DRAWS, FEWEST_DRAWS = 300, 60
 MOST_NORMALS = 30_000_000  # drawn in all
-STEPS = 30
 SIDEWAYS = 0.2  # noise across a ray, of that along it: about the baseline over the distance
 
 
@@ -63,22 +62,11 @@ def fit_sphere(points: FloatArray, sigma: FloatArray | None, outliers: float) ->
     >>> fit_sphere(ball, None, 0.003).parameters.round(6).tolist()
     [10.0, 20.0, 400.0, 5.0]
     """
-    centre, radius = _algebraic_sphere(points)
-    for _ in range(STEPS):
-        away: FloatArray = points - centre
-        length = np.linalg.norm(away, axis=1)
-        design = np.column_stack([away / length[:, None], np.ones(len(points))])
-        step = _least_squares(design, length - radius)
-        centre, radius = centre + step[:3], radius + float(step[3])
-        if not np.abs(step).max() > 1e-12 * radius:
-            break
-    away = points - centre
-    length = np.linalg.norm(away, axis=1)
-    if not (np.isfinite(radius) and radius > 0 and (length > 0).all()):
-        raise DegenerateError(f"sphere: {len(points)} points do not determine one")
-    design = np.column_stack([away / length[:, None], np.ones(len(points))])
+    found = sphere_through(points)
+    away = points - found.centre
     _, _, axes = np.linalg.svd(away - away.mean(axis=0), full_matrices=False)
-    return _element(np.append(centre, radius), length - radius, away @ axes[:2].T, design, points, sigma, outliers)
+    parameters = np.append(found.centre, found.radius)
+    return _element(parameters, found.residuals, away @ axes[:2].T, found.design, points, sigma, outliers)
 
 
 def fit_plane(points: FloatArray, sigma: FloatArray | None, outliers: float) -> Element:
@@ -107,15 +95,6 @@ def trimmed_range(values: FloatArray, outliers: float) -> float:
 def _least_squares(design: FloatArray, values: FloatArray) -> FloatArray:
     solution: Any = np.linalg.lstsq(design, values, rcond=None)
     return np.asarray(solution[0], dtype=np.float64)
-
-
-def _algebraic_sphere(points: FloatArray) -> tuple[FloatArray, float]:
-    """From |X|^2 = 2 c . X + r^2 - |c|^2, about the mean point."""
-    middle = points.mean(axis=0)
-    away = points - middle
-    design = np.column_stack([2 * away, np.ones(len(away))])
-    solved = _least_squares(design, (away**2).sum(axis=1))
-    return middle + solved[:3], float(np.sqrt(max(solved[3] + solved[:3] @ solved[:3], 0.0)))
 
 
 def _element(

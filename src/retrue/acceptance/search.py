@@ -10,8 +10,10 @@ from typing import Any, cast
 
 import numpy as np
 
+from retrue.errors import DegenerateError
 from retrue.geometry.arrays import BoolArray, FloatArray, IntArray
 from retrue.geometry.robust import biweight
+from retrue.geometry.sphere import sphere_through
 
 PER_RADIUS = 8  # cells of the thinned cloud
 REACH = 0.35  # of the radius: neighbours that tell a normal
@@ -151,16 +153,12 @@ def _settled(points: FloatArray, centre: FloatArray, radius: float, cap_deg: flo
 
 def _is_ball(points: FloatArray, centre: FloatArray, radius: float) -> bool:
     """Whether a sphere of free radius through them has about that radius, and they lie about it."""
-    from retrue.acceptance.fits import fit_sphere
-    from retrue.errors import DegenerateError
-
     try:
-        parameters = fit_sphere(points, None, 0.0).parameters
+        free = sphere_through(points)
     except DegenerateError:
         return False
     return bool(
-        abs(parameters[3] - radius) < MOST_BEND * radius
-        and np.linalg.norm(parameters[:3] - centre) < MOST_BEND * radius
+        abs(free.radius - radius) < MOST_BEND * radius and np.linalg.norm(free.centre - centre) < MOST_BEND * radius
     )
 
 

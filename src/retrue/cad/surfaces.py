@@ -7,7 +7,9 @@ from typing import Literal, Protocol
 
 import numpy as np
 
+from retrue.errors import DegenerateError
 from retrue.geometry.arrays import FloatArray
+from retrue.geometry.sphere import sphere_through
 from retrue.geometry.transform import skew
 from retrue.values import ByValue
 
@@ -136,7 +138,7 @@ def fit_plane(points: FloatArray) -> PlaneSurface | None:
 
 
 def fit_sphere(points: FloatArray, rounds: int = 10) -> SphereSurface | None:
-    """Least squares of the distances of points (N, 3), by Gauss-Newton from the algebraic fit; None if they are flat.
+    """Least squares of the distances of points (N, 3); None where they are flat.
 
     >>> angles = np.linspace(0, 2, 9)
     >>> ring = np.column_stack([np.cos(angles), np.sin(angles), 0.2 * angles**2])
@@ -144,30 +146,9 @@ def fit_sphere(points: FloatArray, rounds: int = 10) -> SphereSurface | None:
     >>> ball.centre.round(6).tolist(), round(ball.radius, 6)
     ([0.0, 0.0, 50.0], 3.0)
     """
-    if len(points) < 4:
+    try:
+        fitted = sphere_through(points, rounds=rounds)
+    except DegenerateError:
         return None
-    middle = points.mean(axis=0)
-    scale = float(np.sqrt(((points - middle) ** 2).sum(axis=1).mean()))
-    if not scale > 0:
-        return None
-    local = (points - middle) / scale
-    terms = np.column_stack([2 * local, np.ones(len(local))])
-    if np.linalg.matrix_rank(terms) < 4:
-        return None
-    solution = np.asarray(np.linalg.lstsq(terms, (local**2).sum(axis=1), rcond=None)[0], dtype=np.float64)
-    centre = solution[:3]
-    radius = float(np.sqrt(max(solution[3] + centre @ centre, 0.0)))
-    for _ in range(rounds):
-        outwards = local - centre
-        length = np.linalg.norm(outwards, axis=1)
-        if not length.min() > 0:
-            return None
-        jacobian = -np.column_stack([outwards / length[:, None], np.ones(len(local))])
-        step = np.asarray(np.linalg.lstsq(jacobian, radius - length, rcond=None)[0], dtype=np.float64)
-        centre, radius = centre + step[:3], radius + float(step[3])
-        if np.abs(step).max() < 1e-12 * radius:
-            break
-    if not (np.isfinite(radius) and radius > 0 and np.isfinite(centre).all()):
-        return None
-    centre = centre * scale + middle
-    return SphereSurface(centre, radius * scale, hollow=bool((middle - centre) @ middle > 0))
+    inwards = points.mean(axis=0) - fitted.centre
+    return SphereSurface(fitted.centre, fitted.radius, hollow=bool(inwards @ points.mean(axis=0) > 0))

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import hashlib
+import shlex
 import sys
 import time
 from dataclasses import dataclass, field
@@ -136,7 +137,7 @@ class Accept(ReportingCommand):
             place=self.place,
             operator=self.operator,
             devices=named,
-            command=" ".join(["retrue", *sys.argv[1:]]),
+            command=shlex.join(["retrue", *sys.argv[1:]]),
             versions=versions(),
             hashes={str(path): _hash(path) for path in files},
         )

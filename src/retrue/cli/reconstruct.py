@@ -236,10 +236,10 @@ def _cloud_text(out: Path, report: dict[str, Any]) -> str:
     rms = report["epipolar_rms_px"]
     checked = "one coordinate, so nothing checks the rays" if rms is None else f"RMS {rms:.3f} px"
     lines = [f"{out}: {points} points from {correspondences} correspondences, {checked}"]
-    if report.get("dropped_alone") or report.get("dropped_in_islands"):
+    if report.get("dropped_alone") or report.get("dropped_in_islands") or report.get("dropped_at_edges"):
         lines.append(
             f"  strays left out: {report['dropped_alone']} alone, "
-            f"{report['dropped_in_islands']} on pieces without an inside"
+            f"{report['dropped_in_islands']} on pieces without an inside, {report['dropped_at_edges']} cut by edges"
         )
     if "smoothed" in report:
         side = report["smoothed_cells"]

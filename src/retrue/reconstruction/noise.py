@@ -18,7 +18,7 @@ import numpy as np
 from retrue.correspondences import Correspondences
 from retrue.geometry.arrays import BoolArray, FloatArray, IntArray
 from retrue.reconstruction.sensitivity import miss_by_pixels, point_by_pixels
-from retrue.reconstruction.surface_grid import SurfaceGrid
+from retrue.reconstruction.surface_grid import SurfaceGrid, cells_from_rim
 from retrue.rig import Rig
 
 HALF = 0.6745
@@ -34,7 +34,8 @@ MOST_LEVELS = 12
 BELIEF = 2.0  # points that the decoder's own word counts as
 SMALLEST = 1e-6  # of the stated sigma: made up of exact numbers
 RIM = 3  # cells from the rim of a surface that are looked at one by one
-STEPS_PER_SIDE = 80  # of third differences, on the longer side of the grid: longer than neighbours err alike
+STEPS_PER_SIDE = 80  # of the longest third differences, on the longer side of the grid: neighbours err alike over less
+RISE = 1.1  # times the noise over a shorter step: neighbours err alike over that
 THIRD = np.array([1.0, -3.0, 3.0, -1.0])
 FEWEST_CHAINS = 100
 MOST_CHAINS = 200_000
@@ -63,7 +64,7 @@ def point_noise(
     if both:
         level = _levels(np.hypot(camera, projector), residual_px / across, BELIEF if stated else 0.0)
         if grid is not None:
-            level = level * _rim_levels(residual_px / (across * level), _cells_from_rim(grid, len(X)))
+            level = level * _rim_levels(residual_px / (across * level), cells_from_rim(grid, len(X), RIM))
     if grid is not None:
         found = _scatter_in_depth(X, along * level, grid)
         if found is not None:
@@ -107,12 +108,12 @@ def _levels(stated: FloatArray, z: FloatArray, belief: float) -> FloatArray:
     order = told[np.argsort(stated[told], kind="stable")]
     parts = np.array_split(order, int(np.clip(len(order) // PER_LEVEL, 1, MOST_LEVELS)))
     sizes = np.log([float(np.median(stated[part])) for part in parts])
-    logs = np.log([_size(z[part], belief) for part in parts])
+    logs = np.log([robust_size(z[part], belief) for part in parts])
     apart = np.append(True, np.diff(sizes) > 1e-9)
     return np.exp(np.interp(np.log(stated), sizes[apart], logs[apart]))
 
 
-def _size(z: FloatArray, belief: float) -> float:
+def robust_size(z: FloatArray, belief: float = 0.0) -> float:
     """Robust sigma of z, of which so many more points are believed to have 1.
 
     Huber's proposal 2: the variance of z, clipped at `CLIPPED` sigmas, over that of normal numbers so clipped.
@@ -123,61 +124,38 @@ def _size(z: FloatArray, belief: float) -> float:
     return float(max(found, SMALLEST) ** (len(z) / (len(z) + belief)))
 
 
-def _cells_from_rim(grid: SurfaceGrid, count: int) -> IntArray:
-    """(N,) how many cells each point lies from one that is not linked to all its four neighbours; at most `RIM`."""
-    height, width = grid.index.shape
-    inside = np.zeros((height, width), dtype=np.bool_)
-    inside[1:-1, 1:-1] = grid.right[1:-1, :-1] & grid.right[1:-1, 1:] & grid.down[:-1, 1:-1] & grid.down[1:, 1:-1]
-    cells = np.zeros((height, width), dtype=np.int64)
-    for _ in range(RIM):
-        cells += inside
-        inside = _eroded(inside)
-    found = np.zeros(count, dtype=np.int64)
-    found[grid.index[grid.index >= 0]] = cells[grid.index >= 0]
-    return found
-
-
-def _eroded(mask: BoolArray) -> BoolArray:
-    from scipy import ndimage
-
-    return cast("Any", ndimage).binary_erosion(mask, np.ones((3, 3)))
-
-
 def _rim_levels(z: FloatArray, cells: IntArray) -> FloatArray:
     """(N,) how much more the points so many cells from the rim err than the others."""
     level = np.ones(len(z))
     for distance in range(RIM + 1):
         there = (cells == distance) & np.isfinite(z)
         if there.any():
-            level[cells == distance] = _size(z[there], BELIEF)
+            level[cells == distance] = robust_size(z[there], BELIEF)
     return level
 
 
 def _scatter_in_depth(X: FloatArray, along: FloatArray, grid: SurfaceGrid) -> FloatArray | None:
     """(N,) how many times as much points scatter along the epipolar lines as expected; None where too few tell.
 
-    `along` (N,) is the sigma of 1 / Z that is expected. Third differences over the grid free depth of what is smooth:
-    of a ball, of which a step covers a tenth of the radius, they leave a few thousandths of a step. A decoder's sigma
-    says little of the waves where its pattern and the camera's pixels beat, strong in one place, none in the next: so
-    the picture is cut into blocks, the size of the differences (Huber's, as `_size`) is taken of all and of each, and
-    interpolated between the blocks' middles.
+    `along` (N,) is the sigma of 1 / Z that is expected. Third differences over the grid free depth of what is smooth,
+    over steps as short as noise allows (`_differences`): of a ball, of which a step covers a tenth of the radius, they
+    leave a few thousandths of a step. A decoder's sigma says little of the waves where its pattern and the camera's
+    pixels beat, strong in one place, none in the next: so the picture is cut into blocks, the size of the differences
+    (Huber's, as `robust_size`) is taken of all and of each, and interpolated between the blocks' middles.
     """
     from scipy import ndimage
 
-    step = max(1, max(grid.index.shape) // STEPS_PER_SIDE)
-    chains = np.concatenate([_chains(grid.index, grid.right, step), _chains(grid.index.T, grid.down.T, step)])
+    chains, off = _differences(X, along, grid)
     if len(chains) < FEWEST_CHAINS:
         return None
-    chains = chains[:: max(1, len(chains) // MOST_CHAINS)]
-    off: FloatArray = ((1 / X[chains, 2]) @ THIRD) / np.sqrt((THIRD**2 * along[chains] ** 2).sum(axis=1))
-    everywhere = _size(off, 0)
-    off = off / everywhere
-
     side = max(1, round(np.sqrt(grid.index.size * PER_BLOCK / len(chains))), -(-max(grid.index.shape) // MOST_BLOCKS))
     place = np.zeros((len(X), 2), dtype=np.int64)
     place[grid.index[grid.index >= 0]] = np.argwhere(grid.index >= 0)
     blocks = tuple(-(-extent // side) for extent in grid.index.shape)
     block = np.ravel_multi_index(tuple((place[chains[:, 1]] // side).T), blocks)
+    everywhere = robust_size(off)
+    off = off / everywhere
+
     told = np.bincount(block, minlength=blocks[0] * blocks[1])
     size = np.ones(len(told))
     for _ in range(ROUNDS):
@@ -187,6 +165,31 @@ def _scatter_in_depth(X: FloatArray, along: FloatArray, grid: SurfaceGrid) -> Fl
     logs = (np.log(size) * told / (told + PER_BLOCK / 4)).reshape(blocks)
     between = (place.T + 0.5) / side - 0.5
     return everywhere * np.exp(cast("Any", ndimage).map_coordinates(logs, between, order=1, mode="nearest"))
+
+
+def _differences(X: FloatArray, along: FloatArray, grid: SurfaceGrid) -> tuple[IntArray, FloatArray]:
+    """Chains (M, 4), and the third difference (M,) of 1 / Z of each, in sigmas.
+
+    Over the shortest step from which on a longer one finds no more noise: what neighbours err alike shows in long steps
+    only, and what a scene bends shows in long steps the most.
+    """
+    longest = max(1, max(grid.index.shape) // STEPS_PER_SIDE)
+    steps = [*(2**k for k in range(longest.bit_length()) if 2**k < longest), longest]
+    best, before = _over_step(X, along, grid, steps[0]), np.inf
+    for number, step in enumerate(steps):
+        found = _over_step(X, along, grid, step) if number else best
+        if len(found[0]) < FEWEST_CHAINS:
+            break
+        usual = float(np.median(np.abs(found[1])))
+        best = found if usual > RISE * before else best
+        before = usual
+    return best
+
+
+def _over_step(X: FloatArray, along: FloatArray, grid: SurfaceGrid, step: int) -> tuple[IntArray, FloatArray]:
+    chains = np.concatenate([_chains(grid.index, grid.right, step), _chains(grid.index.T, grid.down.T, step)])
+    chains = chains[:: max(1, len(chains) // MOST_CHAINS)]
+    return chains, ((1 / X[chains, 2]) @ THIRD) / np.sqrt(along[chains] ** 2 @ THIRD**2)
 
 
 def _chains(index: IntArray, right: BoolArray, step: int) -> IntArray:

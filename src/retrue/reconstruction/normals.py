@@ -12,7 +12,7 @@ from dataclasses import replace
 import numpy as np
 
 from retrue.errors import InputError
-from retrue.geometry.arrays import FloatArray
+from retrue.geometry.arrays import BoolArray, FloatArray
 from retrue.reconstruction.cloud import Cloud, require_cloud
 from retrue.reconstruction.surface_grid import SurfaceGrid, surface_grid
 
@@ -37,25 +37,38 @@ def surface_normals(points: FloatArray, grid: SurfaceGrid) -> FloatArray:
     return -n / np.linalg.norm(n, axis=1, keepdims=True)
 
 
-def local_planes(points: FloatArray, grid: SurfaceGrid) -> FloatArray:
-    """n / d (N, 3) of the plane n . X = d through the neighbours of each point (N, 3); NaN where they are on a line."""
+def local_planes(
+    points: FloatArray, grid: SurfaceGrid, counted: BoolArray | None = None, steps: int | None = None
+) -> FloatArray:
+    """n / d (N, 3) of the plane n . X = d through the neighbours of each point (N, 3); NaN where they are on a line.
+
+    Parameters
+    ----------
+    counted : (N,) the points that planes go through; None: all.
+    steps : of the walk; None: as many as suit a grid of that size.
+    """
     planes = np.full(points.shape, np.nan)
     height, width = grid.index.shape
-    steps = min(max(FEWEST_STEPS, max(height, width) // CELLS_PER_STEP), MOST_STEPS)
+    if steps is None:
+        steps = min(max(FEWEST_STEPS, max(height, width) // CELLS_PER_STEP), MOST_STEPS)
+    counts = np.ones(len(points), dtype=np.bool_) if counted is None else counted
     for top in range(0, height, BAND):
         first, last = max(0, top - steps), min(height, top + BAND + steps)
-        n = _plane_through_neighbours(points, grid, slice(first, last), steps)[top - first : top - first + BAND]
+        n = _plane_through_neighbours(points, grid, counts, slice(first, last), steps)
+        n = n[top - first : top - first + BAND]
         index = grid.index[top : top + BAND]
         planes[index[index >= 0]] = n[index >= 0]
     return planes
 
 
-def _plane_through_neighbours(points: FloatArray, grid: SurfaceGrid, rows: slice, steps: int) -> FloatArray:
+def _plane_through_neighbours(
+    points: FloatArray, grid: SurfaceGrid, counted: BoolArray, rows: slice, steps: int
+) -> FloatArray:
     """n / d (h, W, 3) of the plane fitted at each cell of those rows."""
     index = grid.index[rows]
-    there = (index >= 0).astype(np.float64)
-    rays = np.where(index[..., None] >= 0, points[index, :2] / points[index, 2:], 0.0)
-    x, y, w = rays[..., 0], rays[..., 1], np.nan_to_num(grid.w[rows])
+    there = (index >= 0) & counted[index]
+    rays = np.where(there[..., None], points[index, :2] / points[index, 2:], 0.0)
+    x, y, w = rays[..., 0], rays[..., 1], np.where(there, grid.w[rows], 0.0)
     right = grid.right[rows].astype(np.float64)
     down = grid.down[rows.start : rows.stop - 1].astype(np.float64)
 
@@ -63,14 +76,14 @@ def _plane_through_neighbours(points: FloatArray, grid: SurfaceGrid, rows: slice
         with np.errstate(invalid="ignore", divide="ignore"):
             return _walked(values, right, down, steps) / total
 
-    total = _walked(there, right, down, steps)
+    total = _walked(there.astype(np.float64), right, down, steps)
     mx, my, mw = mean(x), mean(y), mean(w)
     xx, xy, yy = mean(x * x) - mx * mx, mean(x * y) - mx * my, mean(y * y) - my * my
     xw, yw = mean(x * w) - mx * mw, mean(y * w) - my * mw
     determinant = xx * yy - xy * xy
     with np.errstate(invalid="ignore", divide="ignore"):
         a, b = (xw * yy - yw * xy) / determinant, (yw * xx - xw * xy) / determinant
-    plane = np.stack([a, b, mw - a * mx - b * my], axis=-1)
+        plane = np.stack([a, b, mw - a * mx - b * my], axis=-1)
     plane[~(determinant > FLATTEST * xx * yy)] = np.nan
     return plane
 

@@ -9,19 +9,21 @@ import numpy as np
 from numpy.typing import NDArray
 
 from retrue.correspondences import Correspondences, require_points
-from retrue.errors import DegenerateError, require_kind
+from retrue.errors import DegenerateError, InputError, require_kind
 from retrue.geometry.arrays import BoolArray, FloatArray
 from retrue.geometry.camera import Camera
 from retrue.geometry.robust import MAD_TO_SIGMA
 from retrue.geometry.triangulation import sampson_distances, triangulate
 from retrue.rasters import check_rasters
+from retrue.reconstruction.albedo import albedo
 from retrue.reconstruction.cloud import Cloud
 from retrue.reconstruction.error_by_distance import common_sigma
-from retrue.reconstruction.noise import point_noise
+from retrue.reconstruction.noise import point_noise, stated_sigmas
 from retrue.reconstruction.one_coordinate import completed_projector_px
 from retrue.reconstruction.options import ReconstructOptions
 from retrue.reconstruction.pieces import find_strays
 from retrue.reconstruction.quantised import between_readings, quantisation_px
+from retrue.reconstruction.rim import find_rim
 from retrue.reconstruction.smooth import smoothed
 from retrue.reconstruction.surface_grid import SurfaceGrid, surface_grid
 from retrue.reconstruction.uncertainty import Uncertainty, unstated
@@ -36,8 +38,9 @@ def reconstruct(rig: Rig, points: Correspondences, options: ReconstructOptions |
 
     Undistort both pixels, correct the rays by the least that makes them meet, intersect. Points whose rays
     pass each other by far more than the others' do, or meet behind a device or nowhere, are left out and
-    counted in `Cloud.card`; so are strays, on no surface that the capture's grid shows (`find_strays`). An error
-    ALONG the epipolar line moves a point in depth: it cannot be seen but by the neighbours in such a grid.
+    counted in `Cloud.card`; so are strays, on no surface that the capture's grid shows (`find_strays`), and
+    pixels and blocks at an edge that see two surfaces (`find_rim`). An error ALONG the epipolar line moves a
+    point in depth: it cannot be seen but by the neighbours in such a grid.
     Where one projector coordinate is known, the camera's ray meets the plane of that column or row, and what lies
     beyond the projector's picture is left out; no residual checks such points. Whole projector pixels, as of tools that
     do not read finer, are noticed, and put between their neighbours within half a pixel (`Cloud.card["quantised_px"]`).
@@ -51,7 +54,8 @@ def reconstruct(rig: Rig, points: Correspondences, options: ReconstructOptions |
     ------
     CaptureError : points of other rasters than the rig's: `check_rasters`.
     DegenerateError : the rig's devices coincide (t = 0), or no point remains.
-    InputError : points without a grid are to be smoothed.
+    InputError : points without a grid are to be smoothed; an albedo is asked for of points without colours or without
+        a grid.
 
     >>> from retrue import Camera, RigidTransform
     >>> camera = Camera((640, 480), [[500, 0, 320], [0, 500, 240], [0, 0, 1]])
@@ -94,44 +98,60 @@ def reconstruct(rig: Rig, points: Correspondences, options: ReconstructOptions |
     cells = None if points.cells is None else points.cells[kept]
     cloud = Cloud(X[kept], _colors(points)[kept], points.camera_px[kept], rig.unit, cells, card)
     grid = None if cells is None else surface_grid(cloud.points, cells)
-    cloud = _with_sigma(cloud, rig, points.select(kept), residual_px[kept], grid)
+    points = points.select(kept)
+    cloud, cut = _with_sigma(cloud, rig, points, residual_px[kept], grid)
     if not (options.keep_strays or grid is None):
-        cloud = _without_strays(cloud, grid)
-    return smoothed(cloud) if options.smooth else cloud
+        cloud, on_surface = _without_strays(cloud, grid, cut)
+        points = points.select(on_surface)
+    if options.smooth:
+        cloud = smoothed(cloud)
+    return _with_albedo(cloud, rig, points) if options.albedo else cloud
 
 
 def _with_sigma(
     cloud: Cloud, rig: Rig, points: Correspondences, residual_px: FloatArray, grid: SurfaceGrid | None
-) -> Cloud:
-    """The cloud with how sure each point is, where that can be told."""
+) -> tuple[Cloud, BoolArray]:
+    """The cloud with how sure each point is, where that can be told; and which points (N,) lie between two surfaces."""
+    cut = np.zeros(len(cloud), dtype=np.bool_)
     noise = point_noise(rig, points, cloud.points, residual_px, grid)
     if noise is None:
-        return cloud
+        return cloud, cut
     known = Uncertainty(rig, points.axes, *noise)
     few = np.arange(0, len(cloud), max(1, len(cloud) // FEW))
     sigma = known.along_rays(cloud.points)
+    if grid is not None:
+        rim = find_rim(cloud.points, points.camera_px, np.hypot(*stated_sigmas(points)), sigma, grid)
+        known, sigma, cut = known.scaled(rim.level), sigma * rim.level, rim.cut
     card = {
         **cloud.card,
         "sigma": float(np.nanmedian(sigma)) if np.isfinite(sigma).any() else None,
         "common_sigma": common_sigma(known.select(few), cloud.points[few]),
         "taken_for_exact": list(unstated(rig)),
     }
-    return replace(cloud, sigma=sigma, uncertainty=known, card=card)
+    return replace(cloud, sigma=sigma, uncertainty=known, card=card), cut
 
 
-def _without_strays(cloud: Cloud, grid: SurfaceGrid) -> Cloud:
-    """The cloud without points that lie on no surface; all of it where the grid shows no surface at all."""
+def _with_albedo(cloud: Cloud, rig: Rig, points: Correspondences) -> Cloud:
+    if cloud.cells is None or points.colors is None:
+        raise InputError("albedo: expected coloured points of a capture with a grid, whose neighbours tell normals")
+    return replace(cloud, colors=albedo(rig, points, cloud.points, surface_grid(cloud.points, cloud.cells)))
+
+
+def _without_strays(cloud: Cloud, grid: SurfaceGrid, cut: BoolArray) -> tuple[Cloud, BoolArray]:
+    """The cloud without points that lie on no surface; all of it where the grid shows no surface at all. And which."""
     strays = find_strays(grid, len(cloud))
-    kept = ~(strays.alone | strays.islands)
+    cut = cut & ~(strays.alone | strays.islands)
+    kept = ~(strays.alone | strays.islands | cut)
     if not kept.any():
-        return cloud
+        return cloud, np.ones(len(cloud), dtype=np.bool_)
     card = {
         **cloud.card,
         "points": int(kept.sum()),
         "dropped_alone": int(strays.alone.sum()),
         "dropped_in_islands": int(strays.islands.sum()),
+        "dropped_at_edges": int(cut.sum()),
     }
-    return replace(cloud.select(kept), card=card)
+    return replace(cloud.select(kept), card=card), kept
 
 
 def set_aside(rig: Rig, points: Correspondences, cloud: Cloud) -> Cloud:

@@ -10,6 +10,8 @@ from numpy.typing import ArrayLike
 
 from retrue.errors import DegenerateError, InputError, require_kind
 from retrue.geometry.arrays import BoolArray, FloatArray, IntArray, finite_array
+from retrue.geometry.robust import MAD_TO_SIGMA
+from retrue.geometry.sphere import sphere_through
 from retrue.ranges import require_number
 from retrue.reconstruction.cloud import Cloud, require_cloud
 from retrue.reconstruction.uncertainty import rig_covariance
@@ -154,17 +156,16 @@ class Ball:
 def find_ball(cloud: Cloud, click_px: ArrayLike) -> Ball:
     """The ball that a clicked camera pixel lies on.
 
-    A sphere through the points about the click grows to all points that lie on it, again and again. Source of the
-    first, algebraic fit: Pratt, "Direct least-squares fitting of algebraic surfaces", SIGGRAPH 1987.
+    A sphere through the points about the click grows to all points that lie on it, again and again.
     """
     order = _by_distance(cloud, click_px)
     members = order[:SEED]
     sigma = _sigmas(cloud)
     count = 0
-    centre, radius = _sphere(cloud.points[members])
     for _ in range(ROUNDS):
-        off = np.abs(np.linalg.norm(cloud.points - centre, axis=1) - radius)
-        usual = sigma if cloud.sigma is not None else 1.4826 * float(np.median(off[members]))
+        ball = sphere_through(cloud.points[members], rounds=0)
+        off = np.abs(np.linalg.norm(cloud.points - ball.centre, axis=1) - ball.radius)
+        usual = sigma if cloud.sigma is not None else MAD_TO_SIGMA * float(np.median(off[members]))
         reach = np.linalg.norm(cloud.camera_px - cloud.camera_px[order[0]], axis=1)
         allowed = 1.3 * float(reach[members].max())
         members = np.flatnonzero((off <= WITHIN * usual) & (reach <= allowed))
@@ -173,37 +174,19 @@ def find_ball(cloud: Cloud, click_px: ArrayLike) -> Ball:
         if len(members) == count:
             break
         count = len(members)
-        centre, radius = _sphere(cloud.points[members])
-    return _adjusted(cloud.points[members], sigma[members], centre, radius)
+    return _adjusted(cloud.points[members], sigma[members])
 
 
-def _sphere(X: FloatArray) -> tuple[FloatArray, float]:
-    """|X|^2 = 2 c . X + (r^2 - |c|^2), linear in c and the last."""
-    middle = X.mean(axis=0)
-    Y = X - middle
-    squares: FloatArray = (Y**2).sum(axis=1)
-    solved = np.linalg.lstsq(np.column_stack([2 * Y, np.ones(len(Y))]), squares, rcond=None)[0]
-    return middle + solved[:3], float(np.sqrt(max(solved[3] + solved[:3] @ solved[:3], 0.0)))
-
-
-def _adjusted(X: FloatArray, sigma: FloatArray, centre: FloatArray, radius: float) -> Ball:
-    covariance: FloatArray = np.eye(4)
-    unknowns = np.append(centre, radius)
-    off = np.zeros(len(X))
-    for _ in range(10):
-        away = X - unknowns[:3]
-        distance = np.linalg.norm(away, axis=1)
-        off = (distance - unknowns[3]) / sigma
-        J = np.column_stack([-away / distance[:, None], -np.ones(len(X))]) / sigma[:, None]
-        covariance = cast(FloatArray, np.linalg.pinv(J.T @ J))
-        unknowns -= covariance @ (J.T @ off)
-    covariance = covariance * max(1.0, float(off @ off) / max(len(X) - 4, 1))
-    away = (X - unknowns[:3]) / unknowns[3]
-    facing = away @ (away.mean(axis=0) / np.linalg.norm(away.mean(axis=0)))
-    known = np.sqrt(covariance[3, 3]) <= LEAST_KNOWN * unknowns[3]
-    if not (np.isfinite(unknowns).all() and unknowns[3] > 0 and known and 1 - np.quantile(facing, 0.02) > LEAST_CAP):
+def _adjusted(X: FloatArray, sigma: FloatArray) -> Ball:
+    fitted = sphere_through(X, sigma)
+    J, off = fitted.design / sigma[:, None], fitted.residuals / sigma
+    covariance = cast(FloatArray, np.linalg.pinv(J.T @ J)) * max(1.0, float(off @ off) / max(len(X) - 4, 1))
+    outwards = fitted.design[:, :3]
+    facing = outwards @ (outwards.mean(axis=0) / np.linalg.norm(outwards.mean(axis=0)))
+    radius_sigma = float(np.sqrt(covariance[3, 3]))
+    if not (radius_sigma <= LEAST_KNOWN * fitted.radius and 1 - np.quantile(facing, 0.02) > LEAST_CAP):
         raise DegenerateError("ball: expected one where it was clicked, found a surface that is nearly flat there")
-    return Ball(unknowns[:3], float(unknowns[3]), covariance[:3, :3], float(np.sqrt(covariance[3, 3])), len(X))
+    return Ball(fitted.centre, fitted.radius, covariance[:3, :3], radius_sigma, len(X))
 
 
 def _sigmas(cloud: Cloud) -> FloatArray:

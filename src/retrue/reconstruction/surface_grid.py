@@ -8,6 +8,7 @@ its sides by more than the noise explains, and by more than a fraction of the sp
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any, cast
 
 import numpy as np
 
@@ -80,6 +81,27 @@ def cell_index(cells: IntArray) -> IntArray:
     index = np.full((height, width), -1, dtype=np.int64)
     index[cells[:, 0], cells[:, 1]] = np.arange(len(cells))
     return index
+
+
+def cells_from_rim(grid: SurfaceGrid, count: int, most: int) -> IntArray:
+    """(N,) how many cells each of `count` points lies from one that is not linked to all its four neighbours.
+
+    Parameters
+    ----------
+    most : cells; farther than that counts as that.
+    """
+    from scipy import ndimage
+
+    height, width = grid.index.shape
+    inside = np.zeros((height, width), dtype=np.bool_)
+    inside[1:-1, 1:-1] = grid.right[1:-1, :-1] & grid.right[1:-1, 1:] & grid.down[:-1, 1:-1] & grid.down[1:, 1:-1]
+    cells = np.zeros((height, width), dtype=np.int64)
+    for _ in range(most):
+        cells += inside
+        inside = cast("Any", ndimage).binary_erosion(inside, np.ones((3, 3)))
+    found = np.zeros(count, dtype=np.int64)
+    found[grid.index[grid.index >= 0]] = cells[grid.index >= 0]
+    return found
 
 
 def _spacing_angle(points: FloatArray, a: IntArray, b: IntArray) -> FloatArray:

@@ -44,6 +44,11 @@ class Uncertainty(ByValue):
         camera, projector = self.camera_sigma_px[rows], self.projector_sigma_px[rows]
         return replace(self, camera_sigma_px=camera, projector_sigma_px=projector)
 
+    def scaled(self, level: FloatArray) -> Uncertainty:
+        """The same of points that err so many times as much by themselves, (N,)."""
+        camera, projector = level * self.camera_sigma_px, level * self.projector_sigma_px
+        return replace(self, camera_sigma_px=camera, projector_sigma_px=projector)
+
     def along_rays(self, points: FloatArray) -> FloatArray:
         """(N,) sigma of each point's own error along the camera's ray, in the rig's unit."""
 

@@ -29,7 +29,7 @@ WORDS = {
 }
 INK, FAINT, RULE = "#1c2733", "#5b6b7a", "#b8c4ce"
 PROCEDURE = (
-    "The artefact was measured in the positions listed below and found in each cloud of points by its shape. PF "
+    "The artefact was measured in the positions listed above and found in each cloud of points by its shape. PF "
     "is the range of the points' distances from the Gaussian sphere (free diameter), PS its diameter less the "
     "calibrated one, SD the distance of the centres of two Gaussian spheres less the calibrated one, F the range "
     "of the distances from the Gaussian plane. PF and F leave out {outliers:g} &#8240; of the points. Points of "
@@ -178,7 +178,7 @@ def _pictures(answer: Acceptance, photographs: Mapping[str, Image | None]) -> li
         content = io.BytesIO()
         picture.save(content, "PNG")
         width, height = picture.size
-        across = min(78 * mm, 62 * mm * width / height)
+        across = min(78 * mm, 50 * mm * width / height)
         caption = (
             f"{len(position.residuals):,} points. Left: each point in the picture, blue {figures(-scale)} "
             f"{answer.unit}, white 0, red {figures(scale)} {answer.unit}, positive towards the camera. Right: how "
@@ -237,7 +237,7 @@ def _remarks(answer: Acceptance) -> list[str]:
     if answer.options.diagonal is None:
         found.append(
             "The measuring volume was not stated, so that the artefact's proportions were not checked: the "
-            f"guideline wants balls of {SMALLEST_BALL:g}, bars of {SHORTEST_BAR:g} and planes of "
+            f"guideline is quoted as wanting balls of {SMALLEST_BALL:g}, bars of {SHORTEST_BAR:g} and planes of "
             f"{SMALLEST_PLANE:g} of its diagonal, or more."
         )
     lengths = [length for length in (answer.artefact.diameter, answer.artefact.distance) if length is not None]

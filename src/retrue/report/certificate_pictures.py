@@ -93,7 +93,7 @@ def volume_plan(positions: Sequence[Position], unit: str) -> Any:
     String: Any = part("graphics.shapes.String")
     HexColor: Any = part("lib.colors.HexColor")
 
-    width, height, gap = 166 * POINT, 40 * POINT, 10 * POINT
+    width, height, gap = 166 * POINT, 30 * POINT, 10 * POINT
     each = (width - gap) / 2
     drawing = Drawing(width, height)
     centres = np.array([position.centre for position in positions])
