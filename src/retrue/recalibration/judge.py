@@ -37,6 +37,7 @@ from retrue.recalibration.options import RecalibrateOptions
 from retrue.recalibration.parts import (
     LOUD,
     Part,
+    copies_among_explained,
     differing_capture,
     homography_residuals,
     other_part,
@@ -77,6 +78,7 @@ from retrue.rig_difference import pixel_displacement
 
 COMPARED_POINTS = 1500  # enough to tell hypotheses apart; the best is then fitted to all
 LEAST_LEFT = 0.05  # of the points, as many as a plane holds at least
+LOUDEST = 3.0  # times the noise that photographs' matches measured of themselves, beside what a lens leaves over
 HYPOTHESES = 4  # fitted with their lenses; the others explain much less
 
 
@@ -95,6 +97,7 @@ class Judgement:
     other_part : those of them that share another pose.
     differing : the capture that is furthest from the others' pose, and by how many sigma; None of a single one.
     exchanged : how far the rig moved, and would have if its devices were exchanged; None where that is no nearer.
+    loudest_px : noise across their epipolar lines that points may have about the answer.
     """
 
     rays: Rays
@@ -107,6 +110,7 @@ class Judgement:
     other_part: Part | None
     differing: tuple[int, float] | None
     exchanged: tuple[float, float] | None
+    loudest_px: float
 
     @property
     def resolved_by(self) -> str:
@@ -148,8 +152,8 @@ def judge(rig: Rig, captures: Sequence[Correspondences], options: RecalibrateOpt
         curved = curved_planes(best)
         if not curved.any():
             curved = misleading_plane(best, lens.kept)
-        if photographs and not curved.any():
-            curved = needless_planes(best, lens.kept)
+        if photographs and not curved.any() and shifted_copy(best, unexplained(best)) is None:
+            curved = needless_planes(best, lens.kept)  # without its plane, a copy would be another surface
         free = [] if curved.any() else better_without_planes(best, noise, rng)
         free = [fit for fit in free if not any(same_answer(other, fit.pose) for other in posteriors)]
         if lens.verdict == "changed":  # no plane looks flat through it, but curved scenes do not ask for it
@@ -201,7 +205,18 @@ def judge(rig: Rig, captures: Sequence[Correspondences], options: RecalibrateOpt
     nearer = move_if_exchanged(rig, captures, answer, old, options)
     exchanged = None if nearer is None else (move_deg(answer.pose, old), nearer)
     differing = differing_capture(whole, rays, answer)
-    return Judgement(rays, whole, answer, best, rivals, lens, outside, part, differing, exchanged)
+    loudest = _loudest_px(captures, options) if photographs else options.max_noise_px
+    return Judgement(rays, whole, answer, best, rivals, lens, outside, part, differing, exchanged, loudest)
+
+
+def _loudest_px(captures: Sequence[Correspondences], options: RecalibrateOptions) -> float:
+    """Louder points are held together by a pose between that of some and that of others."""
+    known: list[FloatArray] = []
+    for capture in captures:
+        if capture.camera_sigma_px is not None and capture.projector_sigma_px is not None:
+            known.append(np.hypot(capture.camera_sigma_px, capture.projector_sigma_px))
+    limit = options.max_noise_px
+    return min(limit, round(LOUDEST * float(np.median(np.concatenate(known))), 3)) if known else limit
 
 
 def _apart(
@@ -214,6 +229,7 @@ def _apart(
     """
     points = measured.support.points
     starts = [(fit.parameters, parts_apart(fit, part, measured.homography_residuals)) for fit in posteriors]
+    starts += [(fit.parameters, [copy]) for fit in posteriors for copy in copies_among_explained(fit)]
     quiet = LOUD * min(plane_levels(measured), default=np.inf)
     levels = [[noise.level for noise in fit.eased.fit.noises] for fit in posteriors]
     partly = any(min(both) < quiet <= max(both) for both in levels)
@@ -261,6 +277,8 @@ def objection(
         )
     if not (share >= 1 - options.max_outliers and level <= options.max_noise_px):
         return PointsDisagree(share, 1 - options.max_outliers, level, options.max_noise_px)
+    if not fit.epipolar_noise.level <= judgement.loudest_px:  # beside planes that are none, points may be as loud
+        return PointsDisagree(share, 1 - options.max_outliers, fit.epipolar_noise.level, judgement.loudest_px)
     if judgement.differing is not None and not judgement.differing[1] <= MOST_DEVIATIONS:
         return CapturesDiffer(judgement.differing[0] + 1, judgement.differing[1])
     if judgement.other_part is not None:

@@ -19,7 +19,10 @@ from retrue.recalibration.rays import Rays
 
 FEWEST_OF_A_PART = 15
 STRIPS, MOST_SAMPLES = 4, 180
+SHARE_OF_A_COPY = 0.1  # likewise; what one shift puts in place along both axes is no chance
+MOST_COPIES = 3
 CENTRES = 50  # shifts to look for others about
+ROUGH_STEP, STEPPED = 0.1, 4  # of a step, by which perspective makes it differ at first; and fits of it
 SHARE_OF_A_PART = 0.3  # of the unexplained points; five free choices among wrong matches bring few together
 LOUD = 1.5  # times the noise that a plane by itself leaves: a pose that explains what does not belong together
 MUCH_LOUDER = 3.0  # likewise, of a plane that belongs to another pose; real lenses make it twice as loud
@@ -90,37 +93,88 @@ def planes_apart(posterior: Posterior, outside: BoolArray, missed: FloatArray) -
 
 
 def shifted_copy(posterior: Posterior, outside: BoolArray) -> Part | None:
-    """Unexplained points that one shift, in either picture, puts where a plane has them; None where no many are.
+    """Unexplained points that one shift puts where a plane has them; None where no many are.
 
-    Repeated texture, or a code that repeats, makes such matches. The shift is the mode of what the points ask for.
+    Repeated texture, or a code that repeats, makes such matches. The shift is the mode of what the points ask for: the
+    same all over either picture, or the same step in space, one way and the other.
     """
     points, pose = posterior.points, posterior.pose
     rows = np.flatnonzero(outside)
-    fewest = max(FEWEST_OF_A_PART, int(SHARE_OF_A_PART * len(rows)))
+    fewest = max(FEWEST_OF_A_PART, int(SHARE_OF_A_COPY * len(rows)))
     if len(rows) < fewest:
         return None
     noise = _noise(points, np.hypot(posterior.fit.along_noise.level, posterior.fit.along_noise.shared)) * 4
     x = np.column_stack([points.camera_rays[rows], np.ones(len(rows))])
     y = np.column_stack([points.projector_rays[rows], np.ones(len(rows))])
-    best, shifted = None, np.empty((0, 2))
+    found: list[tuple[BoolArray, FloatArray, int]] = []
     for n in pose.planes:
         H: FloatArray = pose.R + pose.t[:, None] * n
         with np.errstate(all="ignore"):
             inverse = np.asarray(np.linalg.inv(H), dtype=np.float64)
             forth, back = x @ H.T, y @ inverse.T
             shifts = (y[:, :2] - forth[:, :2] / forth[:, 2:], x[:, :2] - back[:, :2] / back[:, 2:])
+            found += [_stepped(y, forth, x @ n, axis, noise) for axis in (0, 1)]
         for shift in shifts:
             mode = within_reach_of_mode(shift, CENTRES, noise)
-            if not np.count_nonzero(mode) >= fewest or np.abs(np.median(shift[mode], axis=0)).max() < noise:
-                continue  # what lies where the plane has it is no copy, and behind a device for another reason
-            if best is None or np.count_nonzero(mode) > np.count_nonzero(best):
-                best, shifted = mode, np.asarray(shift[mode], dtype=np.float64)
-    if best is None:
+            middle = np.median(shift[mode], axis=0)
+            if np.abs(middle).max() > noise:  # what lies where the plane has it is no copy
+                found.append((mode, shift - middle, 2))
+    mode, missed, parameters = max(found, key=lambda one: np.count_nonzero(one[0]), default=(rows < 0, x, 0))
+    if not np.count_nonzero(mode) >= fewest:
         return None
     copy = np.zeros(len(outside), dtype=np.bool_)
-    copy[rows[best]] = True
-    missed: FloatArray = (shifted - np.median(shifted, axis=0)) / _sigma(points.select(copy))[:, None]
-    return Part("a shifted copy", copy, 2, missed, _level(missed))
+    copy[rows[mode]] = True
+    relative: FloatArray = missed[mode] / _sigma(points.select(copy))[:, None]
+    return Part("a shifted copy", copy, parameters, relative, _level(relative))
+
+
+def _stepped(
+    y: FloatArray, forth: FloatArray, inverse_depth: FloatArray, axis: int, noise: float
+) -> tuple[BoolArray, FloatArray, int]:
+    """(N,) points that lie one step p from their plane's, y ~ H x + p (n x) or less that; and what (N, 2) they miss.
+
+    Which way is told by the sign along an axis. p, in the second device's frame, is linear least squares.
+    """
+    gap = y[:, :2] - forth[:, :2] / forth[:, 2:]
+    way = np.where(gap[:, axis] < 0, -1.0, 1.0)
+    w = way * inverse_depth
+    step = gap * (forth[:, 2] / w)[:, None]
+    mode, missed = within_reach_of_mode(step, CENTRES, ROUGH_STEP * float(np.median(np.abs(step).max(axis=1)))), gap
+    left = np.zeros((len(y), 2, 3))
+    left[:, 0, 0] = left[:, 1, 1] = w
+    left[:, :, 2] = -y[:, :2] * w[:, None]
+    right = y[:, :2] * forth[:, 2:] - forth[:, :2]
+    for _ in range(STEPPED):
+        if np.count_nonzero(mode) < FEWEST_OF_A_PART:
+            break
+        A, b = left[mode].reshape(-1, 3), right[mode].ravel()
+        p = np.linalg.lstsq(A.T @ A, A.T @ b, rcond=None)[0]
+        there = forth + w[:, None] * p
+        missed = y[:, :2] - there[:, :2] / there[:, 2:]
+        mode = np.abs(missed).max(axis=1) < noise
+    return mode & (np.abs(gap).max(axis=1) > noise), missed, 3
+
+
+def copies_among_explained(posterior: Posterior) -> list[Part]:
+    """Shifted copies of planes among all points off the largest one, of which the pose explains some.
+
+    A print that repeats along the epipolar lines passes for another surface, from a pose that is a little off.
+    """
+    plane = posterior.points.plane_index
+    if not (plane != FREE).any():
+        return []
+    largest = int(np.argmax(np.bincount(plane[plane != FREE])))
+    held = (plane == largest) & (posterior.fit.robust_weights[1] > 0)
+    return [copy for copy in shifted_copies(posterior, ~held) if (copy.rows & posterior.fit.explained).any()]
+
+
+def shifted_copies(posterior: Posterior, outside: BoolArray) -> list[Part]:
+    """The `shifted_copy` of those points, that of the others, ..."""
+    found: list[Part] = []
+    while len(found) < MOST_COPIES and (copy := shifted_copy(posterior, outside)) is not None:
+        outside = outside & ~copy.rows
+        found.append(copy)
+    return found
 
 
 def other_part(posterior: Posterior, outside: BoolArray, rng: np.random.Generator) -> Part | None:

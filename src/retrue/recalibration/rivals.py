@@ -18,7 +18,7 @@ from retrue.recalibration.candidates import behind, same_pose, twins_of
 from retrue.recalibration.chance import beyond_chance
 from retrue.recalibration.fit import PoseFit
 from retrue.recalibration.light import light_costs, log_irradiance
-from retrue.recalibration.parts import Part, planes_apart, shifted_copy, unexplained
+from retrue.recalibration.parts import Part, planes_apart, shifted_copies, unexplained
 from retrue.recalibration.posterior import Measured, Posterior, posterior_at, same_answer
 from retrue.recalibration.rays import Rays
 from retrue.rig import Rig
@@ -108,26 +108,35 @@ def explained_costs(
 ) -> tuple[FloatArray, float, float]:
     """`costs` (N,) where a part of the points may have another explanation; the price of priors and planes; of that.
 
-    A plane has three free parameters, a shifted copy two, a plane of its own eight, another pose five, each of which a
-    wider range would have fitted as well.
+    A plane has three free parameters, a shifted copy two or three, a plane of its own eight, another pose five, each of
+    which a wider range would have fitted as well.
     """
     found = costs(posterior, floor, measured.neighbours)
     plane = posterior.points.plane_index
     counts = np.bincount(plane[(plane != FREE) & (posterior.fit.robust_weights[1] > 0)], minlength=1)
     price, parts = posterior.prior_cost + 3 * PARAMETER * int(np.count_nonzero(counts >= FEWEST_OF_A_PLANE)), 0.0
     outside = unexplained(posterior)
-    copy = shifted_copy(posterior, outside)
-    others = planes_apart(posterior, outside, measured.homography_residuals)
-    for other in [*others, *(one for one in (copy, part) if one is not None)]:
-        explained = SELDOM + np.where((plane[other.rows] != FREE) & (other.missed.shape[1] == 1), UNEXPLAINED, 0.0)
-        for missed, least in zip(other.missed.T, (floor.across.level, floor.along.level), strict=False):
-            wider = 2 * max(float(np.log(other.level / least)), 0.0)
-            explained = explained + np.minimum(biweight_loss(missed / other.level) + wider, UNEXPLAINED)
-        gained = np.maximum(found[other.rows] - explained, 0.0)
-        if float(gained.sum()) > other.parameters * PARAMETER:
-            found[other.rows] -= gained
-            parts += other.parameters * PARAMETER
+    others = planes_apart(posterior, outside, measured.homography_residuals) + shifted_copies(posterior, outside)
+    left = [(other, _costs_of_part(other, plane, floor)) for other in (others if part is None else [*others, part])]
+    while left:  # the part that gains most comes first: another may have the same points
+        gains = [np.maximum(found[other.rows] - explained, 0.0) for other, explained in left]
+        worth = [float(gain.sum()) - other.parameters * PARAMETER for gain, (other, _) in zip(gains, left, strict=True)]
+        best = int(np.argmax(worth))
+        if not worth[best] > 0:
+            break
+        other, _ = left.pop(best)
+        found[other.rows] -= gains[best]
+        parts += other.parameters * PARAMETER
     return found, price, parts
+
+
+def _costs_of_part(part: Part, plane: IntArray, floor: Floor) -> FloatArray:
+    """(rows,) what its points cost where it explains them."""
+    explained = SELDOM + np.where((plane[part.rows] != FREE) & (part.missed.shape[1] == 1), UNEXPLAINED, 0.0)
+    for missed, least in zip(part.missed.T, (floor.across.level, floor.along.level), strict=False):
+        wider = 2 * max(float(np.log(part.level / least)), 0.0)
+        explained = explained + np.minimum(biweight_loss(missed / part.level) + wider, UNEXPLAINED)
+    return explained
 
 
 def least(posteriors: list[Posterior], measured: Measured) -> Posterior:
