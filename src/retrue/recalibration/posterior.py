@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from functools import cached_property
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -29,6 +30,9 @@ from retrue.recalibration.chance import without_chance
 from retrue.recalibration.fit import PoseFit, Support, evaluate, pose_difference, same_pose, squared_sigmas
 from retrue.recalibration.lens import LENS_PARAMETERS, LensPrior
 from retrue.recalibration.measured import Measured
+
+if TYPE_CHECKING:
+    from retrue.recalibration.parts import Part
 
 LENSES = 2 * LENS_PARAMETERS
 SETTLED = 0.02  # of a squared standard deviation; after such a step about a sixtieth of that is left
@@ -232,6 +236,14 @@ class Posterior:
         except DegenerateError:
             return self
         return posterior_at(self.measured, moved.parameters, prior)
+
+    @cached_property
+    def parts(self) -> list[Part]:
+        """Planes that it does not explain, and shifted copies of those that it does: each has its own explanation."""
+        from retrue.recalibration.parts import planes_apart, shifted_copies, unexplained
+
+        outside = unexplained(self)
+        return planes_apart(self, outside, self.measured.homography_residuals) + shifted_copies(self, outside)
 
     @property
     def lens_covariance(self) -> FloatArray:

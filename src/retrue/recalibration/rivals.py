@@ -18,7 +18,7 @@ from retrue.recalibration.candidates import behind, same_pose, twins_of
 from retrue.recalibration.chance import beyond_chance
 from retrue.recalibration.fit import PoseFit
 from retrue.recalibration.light import light_costs, log_irradiance
-from retrue.recalibration.parts import Part, planes_apart, shifted_copies, unexplained
+from retrue.recalibration.parts import Part
 from retrue.recalibration.posterior import Measured, Posterior, posterior_at, same_answer
 from retrue.recalibration.rays import Rays
 from retrue.rig import Rig
@@ -115,9 +115,8 @@ def explained_costs(
     plane = posterior.points.plane_index
     counts = np.bincount(plane[(plane != FREE) & (posterior.fit.robust_weights[1] > 0)], minlength=1)
     price, parts = posterior.prior_cost + 3 * PARAMETER * int(np.count_nonzero(counts >= FEWEST_OF_A_PLANE)), 0.0
-    outside = unexplained(posterior)
-    others = planes_apart(posterior, outside, measured.homography_residuals) + shifted_copies(posterior, outside)
-    left = [(other, _costs_of_part(other, plane, floor)) for other in (others if part is None else [*others, part])]
+    others = posterior.parts if part is None else [*posterior.parts, part]
+    left = [(other, _costs_of_part(other, plane, floor)) for other in others]
     while left:  # the part that gains most comes first: another may have the same points
         gains = [np.maximum(found[other.rows] - explained, 0.0) for other, explained in left]
         worth = [float(gain.sum()) - other.parameters * PARAMETER for gain, (other, _) in zip(gains, left, strict=True)]
