@@ -27,7 +27,9 @@ from retrue.simulation.photographs import Photographed, photograph, textured_sce
 
 LEFT = Camera((640, 480), [[600, 0, 319.5], [0, 600, 239.5], [0, 0, 1]], [-0.1, 0.02, 0, 0, 0])
 RIGHT = Camera((640, 480), [[620, 0, 315], [0, 620, 243], [0, 0, 1]], [-0.08, 0.02, 0, 0, 0])
-RIG = Rig(LEFT, RIGHT, RigidTransform.from_rotation_vector([0.01, -0.05, 0.02], [-150.0, 3, 5]), unit="mm")
+EXACT = {"lens_covariance": (np.eye(8) * 1e-10).tolist()}  # lenses are, here
+POSE = RigidTransform.from_rotation_vector([0.01, -0.05, 0.02], [-150.0, 3, 5])
+RIG = Rig(LEFT, RIGHT, POSE, unit="mm", evidence=EXACT)
 BRIGHT, DIM = CameraModel(exposure=0.9, blur_px=0.6, electrons=10_000), CameraModel(exposure=0.9, electrons=1_000)
 JUMP = 0.02  # of the depth
 LEVELS = (1, 2, 3)

@@ -31,7 +31,7 @@ SMOOTH_PX = 1.0
 LEAST_SLOPE = 0.7  # grey levels a pixel
 ON_ITS_ROW_PX = 2.0
 LEAST_SIGMA_PX = 0.03
-SIGMA_FACTOR = 1.9  # by which disparities of simulated pairs are worse than their residual says
+SIGMA_FACTOR = 2.1  # by which disparities of simulated pairs are worse than their residual says
 PARABOLA_SIGMA_PX = 0.3
 FEW_MATCHES = 12
 
