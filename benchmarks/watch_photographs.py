@@ -72,9 +72,8 @@ def photographs(folder: Path, frames: int, seed: int) -> tuple[list[RigidTransfo
 
 def retrue(*words: object) -> list[dict]:
     """The lines that a command prints."""
-    run = subprocess.run(
-        [sys.executable, "-m", "retrue", *map(str, words), "--json"], capture_output=True, text=True, check=False
-    )
+    command = [sys.executable, "-c", "from retrue.cli.main import main; raise SystemExit(main())"]
+    run = subprocess.run([*command, *map(str, words), "--json"], capture_output=True, text=True, check=False)
     if run.returncode:
         raise SystemExit(run.stderr)
     return [json.loads(line) for line in run.stdout.splitlines()]

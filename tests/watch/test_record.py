@@ -84,8 +84,11 @@ def test_lines_that_do_not_read_are_passed_over(tmp_path: Path) -> None:
         json.dumps({**spoilt, "supported": {"R": None}}),
         json.dumps({**spoilt, "supported": 7}),
     ]
-    record = read_record(written(tmp_path, [*broken, *whole[:50], *broken]), REFERENCE)
-    assert record.names == [f"{number}.png" for number in range(50)]
+    odd = json.dumps({**json.loads(whole[50]), "time": "2026-11-27T09:00:00", "temperature": float("inf")})
+    record = read_record(written(tmp_path, [*broken, *whole[:50], odd, *broken]), REFERENCE)
+    assert record.names == [f"{number}.png" for number in range(51)]
+    assert np.isnan(record.temperatures[50])
+    assert track_picture(record).startswith(b"\x89PNG")
 
 
 def test_what_is_no_record_is_named(tmp_path: Path) -> None:

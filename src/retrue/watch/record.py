@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
-from datetime import datetime
+from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any, cast
 
@@ -83,6 +83,7 @@ def read_record(folder: Path, reference: RigidTransform) -> WatchRecord:
     for event in _events(path):
         try:
             time = datetime.fromisoformat(event["time"])
+            time = time if time.tzinfo else time.replace(tzinfo=UTC)
             if event["event"] == "recalibrated":
                 changes.append((time, str(event["kind"])))
             elif event["event"] == "rig changed":
@@ -96,7 +97,7 @@ def read_record(folder: Path, reference: RigidTransform) -> WatchRecord:
         times.append(time)
         names.append(str(event.get("name")))
         value = event.get("temperature")
-        warm.append(float(value) if isinstance(value, int | float) else np.nan)
+        warm.append(float(value) if isinstance(value, float | int) and abs(value) < np.inf else np.nan)
     if len(measured) < FEWEST_FRAMES:
         raise FileError(path, f"expected {FEWEST_FRAMES} frames or more that tell a pose, found {len(measured)}")
     offsets, covariances = (np.stack(part) for part in zip(*measured, strict=True))
