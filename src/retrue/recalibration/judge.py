@@ -214,9 +214,10 @@ def _loudest_px(captures: Sequence[Correspondences], options: RecalibrateOptions
     known: list[FloatArray] = []
     for capture in captures:
         if capture.camera_sigma_px is not None and capture.projector_sigma_px is not None:
-            known.append(np.hypot(capture.camera_sigma_px, capture.projector_sigma_px))
-    limit = options.max_noise_px
-    return min(limit, round(LOUDEST * float(np.median(np.concatenate(known))), 3)) if known else limit
+            stated = np.hypot(capture.camera_sigma_px, capture.projector_sigma_px)
+            known.append(stated[np.isfinite(stated) & (stated > 0)])
+    limit, told = options.max_noise_px, np.concatenate(known) if known else np.empty(0)
+    return min(limit, round(LOUDEST * float(np.median(told)), 3)) if len(told) else limit
 
 
 def _apart(
