@@ -73,6 +73,25 @@ def test_a_pose_is_found_from_two_photographs(pair: Photographed) -> None:
     assert verify(RIG, [points]).verdict == "good"
 
 
+def test_places_in_a_large_picture_are_as_exact_though_its_half_is_searched() -> None:
+    random, picture = np.random.default_rng(0), np.zeros((901, 1203), np.float32)
+    for size in (2, 4, 8, 16, 32):
+        coarse = random.normal(0, size, (901 // size + 2, 1203 // size + 2)).astype(np.float32)
+        picture += cv2.resize(coarse, (1203, 901), interpolation=cv2.INTER_CUBIC)
+    levels = cv2.normalize(picture, None, 20, 235, cv2.NORM_MINMAX)
+    shift = np.array([7, -3])
+    left, right = (
+        (level + random.normal(0, 1, level.shape)).round().astype(np.uint8)
+        for level in (levels, np.roll(levels, shift[::-1], axis=(0, 1)))
+    )
+    points = decode(PHOTOGRAPHS, [left, right])
+    assert len(points) > 1000
+    off = np.abs(points.projector_px - points.camera_px - shift)
+    sigma = np.hypot(points.camera_sigma_px, points.projector_sigma_px)
+    assert np.median(off) < 0.07
+    assert np.quantile(off / sigma[:, None], 0.99) < 4
+
+
 @pytest.mark.parametrize("change", ["grey", "16 bit", "dim 16 bit", "one channel"])
 def test_grey_colour_and_sixteen_bits_see_the_same(pair: Photographed, change: str) -> None:
     def seen(picture: np.ndarray) -> np.ndarray:

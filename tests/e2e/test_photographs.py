@@ -160,5 +160,14 @@ def test_a_watch_pairs_two_folders_and_puts_the_rig_right(retrue: Retrue, pairs:
     assert [event["name"] for event in told if event["event"] == "bad frame"] == ["400.png"]
     found = read_rig(rig).projector_from_camera
     assert np.degrees(rotation_angle(found.R @ RIG.projector_from_camera.R.T)) < 0.1
+    plot = tmp_path / "track.png"
+    run = retrue("history", rig, "--watched", tmp_path / "out", "--plot", plot, "--json")
+    assert run.status == 0, run
+    watched = run.json["watched"]
+    assert [frame["temperature"] for frame in watched["frames"]] == [20, 21, 22, 23]
+    assert all(max(map(abs, frame["moved_deg"])) > 1 for frame in watched["frames"])  # from the rig before the bump
+    assert watched["changes"][0]["kind"] == "bump"
+    assert plot.read_bytes().startswith(b"\x89PNG")
+    retrue("history", rig, "--watched", tmp_path).require_complaint("expected the record of a watch")
     refused = retrue("watch", rig, tmp_path / "in" / "left", "--stereo", "--out", tmp_path / "out", *quick)
     refused.require_complaint("expected two sources, or a folder that holds a folder of each camera")

@@ -5,14 +5,13 @@ from __future__ import annotations
 import threading
 from collections.abc import Iterator
 from dataclasses import dataclass, field
-from pathlib import Path
 
 import numpy as np
 import pytest
 
 from retrue import FileError
 from retrue.watch.frame import Frame
-from retrue.watch.pairs import PairedSource, side_temperature
+from retrue.watch.pairs import PairedSource
 
 PICTURE = np.zeros((2, 2), np.uint8)
 
@@ -25,13 +24,15 @@ class Given:
     live: bool = False
     problem: str = ""
     raises: Exception | None = None
+    temperature: float | None = None
     given: list[str] = field(default_factory=list)
 
     def frames(self, stop: threading.Event) -> Iterator[Frame]:
         for name in self.names:
             self.given.append(name)
             content = None if self.problem else PICTURE
-            yield Frame(name, content, {"after": [0, name], "waiting": []}, {"name": name, "sha256": "f"}, self.problem)
+            position, capture = {"after": [0, name], "waiting": []}, {"name": name, "sha256": "f"}
+            yield Frame(name, content, position, capture, self.problem, self.temperature)
         if self.raises is not None:
             raise self.raises
 
@@ -102,13 +103,7 @@ def test_what_a_source_raises_is_raised() -> None:
         list(source.frames(threading.Event()))
 
 
-def test_a_side_file_tells_the_temperature(tmp_path: Path) -> None:
-    (tmp_path / "1.json").write_text('{"temperature": 21.5, "gain": 2}')
-    (tmp_path / "2.txt").write_text("2026-11-27T08:00:00, 19.25\n")
-    (tmp_path / "3.json").write_text("{")
-    (tmp_path / "4.json").write_text('{"temperature": "warm"}')
-    (tmp_path / "5.txt").write_text("nan")
-    found = [side_temperature(tmp_path / name) for name in ("1.json", "2.txt", "3.json", "4.json", "5.txt", "6.txt")]
-    assert found == [21.5, 19.25, None, None, None, None]
-    source = PairedSource(Given(["1.png"]), Given(["1.png"]), (tmp_path, None))
-    assert [frame.temperature for frame in source.frames(threading.Event())] == [21.5]
+def test_a_temperature_of_either_photograph_is_that_of_the_pair() -> None:
+    for left, right in ((21.5, None), (None, 21.5), (21.5, 30.0)):
+        source = PairedSource(Given(["1.png"], temperature=left), Given(["1.png"], temperature=right))
+        assert [frame.temperature for frame in source.frames(threading.Event())] == [21.5]

@@ -11,12 +11,12 @@ import numpy as np
 import pytest
 
 from retrue.errors import FileError
-from retrue.files.images import write_png
+from retrue.files.images import SUFFIXES, write_png
 from retrue.files.video import read_video
 from retrue.watch.folder import FolderSource
 from retrue.watch.frame_queue import FrameQueue
 from retrue.watch.options import WatchOptions
-from retrue.watch.temperature import last_reading
+from retrue.watch.temperature import last_reading, side_temperature
 from retrue.watch.video import VideoSource
 
 from .stream import SimulatedSource, frame
@@ -48,6 +48,23 @@ def test_pictures_come_once_in_the_order_of_arrival(tmp_path):
     assert taken(FolderSource(tmp_path, QUICK, frames[-1].position)) == []
     (again,) = taken(FolderSource(tmp_path, QUICK, frames[0].position))
     assert again.name == "a.png"
+
+
+def test_a_side_file_tells_the_temperature(tmp_path):
+    (tmp_path / "1.json").write_text('{"temperature": 21.5, "gain": 2}')
+    (tmp_path / "2.txt").write_text("2026-11-27T08:00:00, 19.25\n")
+    (tmp_path / "3.json").write_text("{")
+    (tmp_path / "4.json").write_text('{"temperature": "warm"}')
+    (tmp_path / "5.txt").write_text("nan")
+    found = [side_temperature(tmp_path / name) for name in ("1.json", "2.txt", "3.json", "4.json", "5.txt", "6.txt")]
+    assert found == [21.5, 19.25, None, None, None, None]
+
+
+def test_a_table_beside_a_photograph_is_no_frame_but_tells_its_temperature(tmp_path):
+    drop(tmp_path, "1.png", "2.png")
+    (tmp_path / "1.csv").write_text("2026-11-27T08:00:00;18.5\n")
+    frames = taken(FolderSource(tmp_path, QUICK, suffixes=SUFFIXES))
+    assert sorted((item.name, item.temperature) for item in frames) == [("1.png", 18.5), ("2.png", None)]
 
 
 def test_a_half_written_picture_is_waited_for(tmp_path):

@@ -198,6 +198,16 @@ def test_creep_below_what_a_frame_can_see_is_followed(folder):
     assert seen[-1]["temperature"] == 21.5
 
 
+def test_a_bump_within_a_streak_of_creep_is_told_as_one_and_found_as_soon(folder):
+    watch = watching(folder, creep=CreepOptions(creep_memory=10, creep_share=1000.0))
+    watch.run(SimulatedSource(56, jumps={49: (0.0, 1.5, 0.0)}, drift=(30, 64, (0.3, 0.0, 0.0))), threading.Event())
+    watch.events.close()
+    drifted = [number_of(event) for event in events(folder, "frame") if event["verdict"] == "drifted"]
+    assert drifted[0] == 48  # of the creep
+    assert [event["kind"] for event in events(folder, "recalibrated")] == ["bump"]
+    assert events(folder, "recalibrated")[0]["frames"] == ["frame 49", "frame 50", "frame 51"]
+
+
 def test_a_rollback_by_somebody_else_is_obeyed(folder):
     watch = watching(folder)
     moved = turned(RIG, (1, 0, 0))

@@ -16,6 +16,7 @@ from retrue.errors import InputError
 if TYPE_CHECKING:
     from retrue.files.history_entry import HistoryEntry
     from retrue.rig_difference import RigDifference
+    from retrue.watch.record import WatchRecord
 
 MOST_TOLD = 10  # damaged lines
 
@@ -30,12 +31,15 @@ class History(Command):
         The rig file.
     last
         Only so many, the newest; that takes as long however many there are.
+    watched
+        The folder of a watch of this rig: where the rig was at each frame, from all frames, and how warm it was.
     plot
         A PNG to draw the drift over time into; needs `pip install '.[plot]'`.
     """
 
     rig: RigPath
     last: Annotated[int, arg(metavar="N")] = 1000
+    watched: Annotated[Path | None, arg(metavar="DIR")] = None
     plot: Path | None = None
 
     def run(self) -> Outcome:
@@ -59,7 +63,12 @@ class History(Command):
             log(f"{line}; passed over")
         if len(history.damaged) > MOST_TOLD:
             log(f"and {len(history.damaged) - MOST_TOLD} lines before; --json has them all")
-        if not entries:
+        record = None
+        if self.watched is not None:
+            from retrue.watch.record import read_record
+
+            record = read_record(self.watched, (entries[0].rig if entries else rig).projector_from_camera)
+        if not entries and record is None:
             raise InputError(f"{self.rig}: no history beside it; it begins with `retrue recalibrate --in-place`")
         in_place = entry_in_place(entries, rig)
         steps = [None, *(rig_difference(a.rig, b.rig) for a, b in pairwise(entries))]
@@ -69,13 +78,22 @@ class History(Command):
             "damaged": [plain(asdict(line)) for line in history.damaged],
             "entries": [_entry_report(entry, step) for entry, step in zip(entries, steps, strict=True)],
         }
-        text = _table(entries, steps, in_place)
+        text = _table(entries, steps, in_place) if entries else f"{self.rig}: no history beside it; it stands as it was"
+        if record is not None:
+            report["watched"] = record.report()
+            text += f"\n{_record_text(record)}"
         if self.plot is not None:
-            from retrue.report.pictures import drift_picture
+            if record is not None:
+                from retrue.report.track_picture import track_picture
 
-            since_first = [rig_difference(entries[0].rig, entry.rig) for entry in entries]
+                picture = track_picture(record)
+            else:
+                from retrue.report.pictures import drift_picture
+
+                since_first = [rig_difference(entries[0].rig, entry.rig) for entry in entries]
+                picture = drift_picture([entry.time for entry in entries], since_first)
             with replaced_file(self.plot) as stream:
-                stream.write(drift_picture([entry.time for entry in entries], since_first))
+                stream.write(picture)
             report["plot"] = str(self.plot)
             text += f"\n{self.plot}: written"
         return Outcome(report, text)
@@ -116,4 +134,15 @@ def _table(
     lines.append("* is in place" if in_place is not None else "the rig in place is none of them: it was edited since")
     if entries[0].id > 1:
         lines.append(f"entries before {entries[0].id} are not shown: --last N")
+    return "\n".join(lines)
+
+
+def _record_text(record: WatchRecord) -> str:
+    """Where the rig is at the last frame, axis by axis."""
+    from retrue.recalibration.axes import NAMES
+
+    bumps = ", ".join(record.names[first] for first in record.bumps)
+    lines = [f"watched: {len(record.times)} frames, {f'bumps from {bumps}' if bumps else 'no bump'}; at the last one"]
+    for name, moved, sigma in zip(NAMES, record.track_deg[-1], record.sigma_deg[-1], strict=True):
+        lines.append(f"  {name}: {moved:+.3f} deg, sigma {sigma:.3f} deg")
     return "\n".join(lines)

@@ -81,6 +81,19 @@ def axes_between(old: RigidTransform, new: RigidTransform, covariance: FloatArra
     return tuple(AxisMove(*one) for one in zip(NAMES, degrees.tolist(), sigma.tolist(), strict=True))
 
 
+def axes_of_offsets(t: FloatArray) -> FloatArray:
+    """(5, 5) from an offset as `creep` has it, a rotation vector and the direction of t in the tangent of t, to these.
+
+    >>> axes_of_offsets(np.array([-2.0, 0, 0])).round(3)[:3, :3].tolist()
+    [[-1.0, 0.0, 0.0], [0.0, 0.0, 1.0], [0.0, -1.0, 0.0]]
+    """
+    baseline, sight, normal = pose_frame(t)
+    rows = np.zeros((5, 5))
+    rows[:3, :3] = baseline, sight, normal
+    rows[3:, 3:] = np.stack([normal, sight]) @ tangent_basis(baseline)
+    return rows
+
+
 def pose_frame(t: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Unit vectors: along t, along the line of sight as far as that is normal to t, and normal to both."""
     baseline = t / np.linalg.norm(t)

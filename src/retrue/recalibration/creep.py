@@ -151,26 +151,39 @@ def creep_is_due(creep: Creep | None, options: CreepOptions) -> bool:
 
 
 def measured_offset(rig_pose: RigidTransform, found: Verification) -> tuple[FloatArray, FloatArray] | None:
-    """(5,) offset of the pose that the frame supports, and (5, 5) its covariance; None where it cannot tell.
+    """(5,) offset of the pose that the frame supports, and (5, 5) its covariance; None where it cannot tell."""
+    measured = measured_pose(found)
+    return None if measured is None else offset_from(rig_pose, *measured)
+
+
+def measured_pose(found: Verification) -> tuple[RigidTransform, FloatArray] | None:
+    """The pose that the frame supports, and (5, 5) its covariance; None where it cannot tell.
 
     Where a frame states its angles' sigma alone, that is taken to be as large about each axis.
     """
     if found.supported_pose is None or found.sigma is None or found.verdict == "unknown":
         return None
-    old, new = (pose.t / np.linalg.norm(pose.t) for pose in (rig_pose, found.supported_pose))
-    across = tangent_basis(old)
-    turn = vector_from_rotation(found.supported_pose.R @ rig_pose.R.T)
-    offset = np.concatenate([turn, across.T @ (new - old)])
-    if found.statistical_covariance is None:
+    covariance = found.statistical_covariance
+    if covariance is None:
         sigma = np.radians([found.sigma.rotation_deg, found.sigma.translation_deg])
         covariance = np.diag(np.repeat(sigma**2 / [3, 2], [3, 2]))
-    else:
-        rows = np.eye(SIZE)
-        rows[3:, 3:] = across.T @ tangent_basis(new)
-        covariance = rows @ found.statistical_covariance @ rows.T
-    if not (np.isfinite(offset).all() and np.isfinite(covariance).all() and np.linalg.eigvalsh(covariance)[0] > 0):
+    pose = found.supported_pose
+    numbers = np.concatenate([pose.R.ravel(), pose.t, covariance.ravel()])
+    if not (np.isfinite(numbers).all() and np.linalg.eigvalsh(covariance)[0] > 0):
         return None
-    return offset, covariance
+    return pose, covariance
+
+
+def offset_from(
+    rig_pose: RigidTransform, pose: RigidTransform, covariance: FloatArray
+) -> tuple[FloatArray, FloatArray]:
+    """(5,) from one pose to another, and (5, 5) the covariance of that, whose t has a tangent of its own."""
+    old, new = (one.t / np.linalg.norm(one.t) for one in (rig_pose, pose))
+    across = tangent_basis(old)
+    rows = np.eye(SIZE)
+    rows[3:, 3:] = across.T @ tangent_basis(new)
+    offset = np.concatenate([vector_from_rotation(pose.R @ rig_pose.R.T), across.T @ (new - old)])
+    return offset, rows @ covariance @ rows.T
 
 
 def _begun(offset: FloatArray, frame: FloatArray) -> Creep:

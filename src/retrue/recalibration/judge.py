@@ -39,6 +39,7 @@ from retrue.recalibration.parts import (
     FEWEST_OF_A_PART,
     IN_A_MIRROR,
     Part,
+    copies_among_explained,
     differing_capture,
     homography_residuals,
     most_unexplained,
@@ -58,7 +59,7 @@ from retrue.recalibration.posterior import (
     improved,
     posterior_at,
 )
-from retrue.recalibration.rays import Rays, rays_of_captures
+from retrue.recalibration.rays import Rays, loudest_px, rays_of_captures
 from retrue.recalibration.reasons import (
     CapturesDiffer,
     DevicesExchanged,
@@ -111,6 +112,7 @@ class Judgement:
     other_part : those of them that share another pose.
     differing : the capture that is furthest from the others' pose, and by how many sigma; None of a single one.
     exchanged : how far the rig moved, and would have if its devices were exchanged; None where that is no nearer.
+    loudest_px : noise across their epipolar lines that points may have about the answer.
     """
 
     rays: Rays
@@ -123,6 +125,7 @@ class Judgement:
     other_part: Part | None
     differing: tuple[int, float] | None
     exchanged: tuple[float, float] | None
+    loudest_px: float
 
     @property
     def resolved_by(self) -> str:
@@ -157,7 +160,7 @@ def judge(rig: Rig, captures: Sequence[Correspondences], options: RecalibrateOpt
     photographs = all(capture.card is not None and capture.card.counted == "features" for capture in captures)
     light = light_of(rig, captures, few)
     while True:
-        measured = _measured(rig, captures, few, homographies, neighbours, options.flatness_sigma)
+        measured = _measured(rig, captures, few, homographies, neighbours, options.flatness_sigma, photographs)
         posteriors = [fit_posterior(measured, start, prior, 6) for start in starts]
         best, rivals = ranked(posteriors, measured, few, light, old, (), rng)
         asides = other_parts([best, *(rival.posterior for rival in rivals)], rng)
@@ -170,14 +173,11 @@ def judge(rig: Rig, captures: Sequence[Correspondences], options: RecalibrateOpt
         curved = curved_planes(best)
         if not curved.any():
             curved = misleading_plane(best, lens.kept)
-        if photographs and not curved.any():
-            curved = needless_planes(best, lens.kept)
+        if photographs and not curved.any() and shifted_copy(best, unexplained(best)) is None:
+            curved = needless_planes(best, lens.kept)  # without its plane, a copy would be another surface
         free = [] if curved.any() else better_without_planes(best, noise, rng)
-        free = [
-            fit
-            for fit in free
-            if much_quieter(fit, best) or not any(same_answer(other, fit.pose) for other in posteriors)
-        ]
+        known = [fit for fit in free if any(same_answer(other, fit.pose) for other in posteriors)]
+        free = [fit for fit in free if fit not in known or much_quieter(fit, best)]
         if lens.verdict == "changed":  # no plane looks flat through it, but curved scenes do not ask for it
             free = [fit for fit in free if lens.posterior is not None and quieter(fit, lens.posterior)]
             curved[:] = False
@@ -203,7 +203,7 @@ def judge(rig: Rig, captures: Sequence[Correspondences], options: RecalibrateOpt
         follows = None if distance is None else pose_with_lenses(rig, distance, tight)
         prior = replace(prior, kept=lens.kept, together=follows)
     nobody = np.empty((len(rays), 0), dtype=np.int64)
-    whole = _measured(rig, captures, rays, homographies, nobody, options.flatness_sigma)
+    whole = _measured(rig, captures, rays, homographies, nobody, options.flatness_sigma, photographs)
     whole = replace(whole, aside=turned if turned.any() else None)
     answer = posterior_at(whole, start, prior)
     others = parts_apart(answer, part, whole.homography_residuals)
@@ -231,7 +231,8 @@ def judge(rig: Rig, captures: Sequence[Correspondences], options: RecalibrateOpt
     nearer = move_if_exchanged(rig, captures, answer, old, options)
     exchanged = None if nearer is None else (move_deg(answer.pose, old), nearer)
     differing = differing_capture(whole, rays, answer)
-    return Judgement(rays, whole, answer, best, rivals, lens, outside, part, differing, exchanged)
+    loudest = loudest_px(captures, options.max_noise_px) if photographs else options.max_noise_px
+    return Judgement(rays, whole, answer, best, rivals, lens, outside, part, differing, exchanged, loudest)
 
 
 def _apart(
@@ -250,6 +251,8 @@ def _apart(
     """
     points = measured.support.points
     starts = [(fit.parameters, parts_apart(fit, part, measured.homography_residuals)) for fit in posteriors]
+    if measured.textured:
+        starts += [(fit.parameters, [copy]) for fit in posteriors for copy in copies_among_explained(fit)]
     level = max(noise.level for noise in best.eased.fit.noises)
     quieter = len(points) * 4 * float(np.log(level / min(plane_levels(measured), default=level)))
     if alone and len(homographies) > 1 and not quieter < 2 * PARAMETER + RARE:
@@ -295,11 +298,12 @@ def objection(
         )
     if not (share >= 1 - options.max_outliers and level <= options.max_noise_px):
         return PointsDisagree(share, 1 - options.max_outliers, level, options.max_noise_px)
+    if not fit.epipolar_noise.level <= judgement.loudest_px:  # beside planes that are none, points may be as loud
+        return PointsDisagree(share, 1 - options.max_outliers, fit.epipolar_noise.level, judgement.loudest_px)
     if judgement.differing is not None and not judgement.differing[1] <= MOST_DEVIATIONS:
         return CapturesDiffer(judgement.differing[0] + 1, judgement.differing[1])
     if judgement.other_part is not None and judgement.other_part.name != IN_A_MIRROR:  # those are of no direct pose
-        other = judgement.other_part.count / len(judgement.outside)
-        if not other <= LARGEST_OTHER_PART * share:
+        if not (other := judgement.other_part.count / len(judgement.outside)) <= LARGEST_OTHER_PART * share:
             return PartsContradict(share, other)
     rival = min(judgement.rivals, key=lambda one: one.margin, default=None)
     if rival is not None and not rival.margin >= options.min_margin:
@@ -373,13 +377,16 @@ def _measured(
     homographies: list[FloatArray],
     neighbours: IntArray,
     flatness: float,
+    textured: bool,
 ) -> Measured:
     rows = [rays.row[rays.capture == index] for index in range(len(captures))]  # one capture after the other
     camera_px = np.concatenate([capture.camera_px[mine] for capture, mine in zip(captures, rows, strict=True)])
     projector_px = np.concatenate([capture.projector_px[mine] for capture, mine in zip(captures, rows, strict=True)])
     missed = homography_residuals(rays.points, homographies)
     shapes = bow_shapes(rays.points)
-    return Measured(rig, camera_px, projector_px, Support.of(rays), shapes, flatness, neighbours, 0.0, missed)
+    return Measured(
+        rig, camera_px, projector_px, Support.of(rays), shapes, flatness, neighbours, 0.0, missed, textured=textured
+    )
 
 
 def _foremost(fits: list[PoseFit], points: TwoViewPoints) -> list[PoseFit]:

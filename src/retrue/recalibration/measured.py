@@ -32,6 +32,7 @@ class Measured:
     misfit : px, what no lens model explains of a real lens, and a part of the picture shares; part of the noise.
     homography_residuals : (N, 2) that each plane's homography leaves by itself.
     aside : (N,) rows that belong to another pose and leave no residual.
+    textured : whether matches are of the scene's own texture, which may repeat in space.
     """
 
     rig: Rig
@@ -44,6 +45,7 @@ class Measured:
     misfit: float = 0.0
     homography_residuals: FloatArray = field(default_factory=lambda: np.empty((0, 2)))
     aside: BoolArray | None = None
+    textured: bool = False
 
     def __len__(self) -> int:
         return len(self.camera_px)

@@ -18,7 +18,10 @@ from retrue.recalibration.posterior import Measured, Posterior, fit_posterior
 from retrue.recalibration.rays import Rays
 
 FEWEST_OF_A_PART = 15
-IN_A_MIRROR = "points in a mirror"
+A_COPY, IN_A_MIRROR = "a shifted copy", "points in a mirror"
+SHARE_OF_A_COPY = 0.1  # of the unexplained points; what one shift puts in place along both axes is no chance
+MOST_COPIES = 3
+ROUGH_STEP, STEPPED = 0.1, 4  # of a step, by which perspective makes it differ at first; and fits of it
 STRIPS, MOST_SAMPLES = 4, 180
 CENTRES = 50  # shifts to look for others about
 MOST_ASKED = 4  # hypotheses
@@ -95,45 +98,102 @@ def planes_apart(posterior: Posterior, outside: BoolArray, missed: FloatArray) -
 
 
 def shifted_copy(posterior: Posterior, outside: BoolArray) -> Part | None:
-    """Unexplained points that one shift, in either picture, puts where a plane has them; None where no many are.
+    """Unexplained points that one shift puts where a plane has them; None where no many are.
 
-    Repeated texture, or a code that repeats, makes such matches. The shift, of pixels, is the mode of what the points
-    ask for.
+    A code that repeats makes such matches, of pixels in either picture; repeated texture has the same step in space,
+    one way and the other. The shift is the mode of what the points ask for.
     """
     points, pose, measured = posterior.points, posterior.pose, posterior.measured
     rows = np.flatnonzero(outside)
-    fewest = max(FEWEST_OF_A_PART, int(SHARE_OF_A_PART * len(rows)))
+    fewest = max(FEWEST_OF_A_PART, int(SHARE_OF_A_COPY * len(rows)))
     if len(rows) < fewest or not len(pose.planes):
         return None
     camera, projector = measured.rig.camera, measured.rig.projector
-    sigma = np.hypot(points.camera_sigma * camera.K[0, 0], points.projector_sigma * projector.K[0, 0])[rows]
+    focal = projector.K[0, 0]
+    sigma = np.hypot(points.camera_sigma * camera.K[0, 0], points.projector_sigma * focal)[rows]
     along = posterior.fit.along_noise
     noise = 4 * float(np.median(sigma) * np.hypot(along.level, along.shared))
     x = np.column_stack([points.camera_rays[rows], np.ones(len(rows))])
     y = np.column_stack([points.projector_rays[rows], np.ones(len(rows))])
-    best, shifted, copied = None, np.empty((0, 2)), 0
+    found: list[tuple[BoolArray, FloatArray, int, int]] = []
     for index, n in enumerate(pose.planes):
         H: FloatArray = pose.R + pose.t[:, None] * n
+        forth = x @ H.T
         with np.errstate(all="ignore"):
             back = y @ np.asarray(np.linalg.inv(H), dtype=np.float64).T
             shifts = (
-                measured.projector_px[rows] - projector.project(x @ H.T),
+                measured.projector_px[rows] - projector.project(forth),
                 measured.camera_px[rows] - camera.project(back),
             )
+            if measured.textured:
+                for axis in (0, 1):
+                    mode, missed = _stepped(y, forth, x @ n, axis, noise / focal)
+                    found.append((mode, missed * focal, 3, index))
         for shift in shifts:
             mode = within_reach_of_mode(shift, CENTRES, noise)
-            if not np.count_nonzero(mode) >= fewest or np.abs(np.median(shift[mode], axis=0)).max() < noise:
-                continue  # what lies where the plane has it is no copy, and behind a device for another reason
-            if best is None or np.count_nonzero(mode) > np.count_nonzero(best):
-                best, shifted = mode, np.asarray(shift[mode], dtype=np.float64)
-                copied = int(np.count_nonzero((points.plane_index == index) & ~outside))
-    if best is None:
+            if np.count_nonzero(mode) < fewest:
+                continue
+            middle = np.median(shift[mode], axis=0)
+            if np.abs(middle).max() > noise:  # what lies where the plane has it is no copy
+                found.append((mode, shift - middle, 2, index))
+    mode, missed, parameters, index = max(found, key=lambda one: np.count_nonzero(one[0]), default=(rows < 0, x, 0, 0))
+    count = int(np.count_nonzero(mode))
+    if count < fewest:
         return None
+    copied = np.count_nonzero((points.plane_index == index) & ~outside)
     copy = np.zeros(len(outside), dtype=np.bool_)
-    copy[rows[best]] = True
-    missed: FloatArray = (shifted - np.median(shifted, axis=0)) / sigma[best, None]
-    more = max(0.0, 1 - copied / float(np.count_nonzero(copy)))
-    return Part("a shifted copy", copy, 2, missed, _level(missed), seldom=more)
+    copy[rows[mode]] = True
+    relative: FloatArray = missed[mode] / sigma[mode, None]
+    return Part(A_COPY, copy, parameters, relative, _level(relative), seldom=max(0.0, 1 - copied / count))
+
+
+def _stepped(
+    y: FloatArray, forth: FloatArray, inverse_depth: FloatArray, axis: int, noise: float
+) -> tuple[BoolArray, FloatArray]:
+    """(N,) points that lie one step p from their plane's, y ~ H x + p (n x) or less that; and what (N, 2) they miss.
+
+    Which way is told by the sign along an axis. p, in the second device's frame, is linear least squares.
+    """
+    gap = y[:, :2] - forth[:, :2] / forth[:, 2:]
+    way = np.where(gap[:, axis] < 0, -1.0, 1.0)
+    w = way * inverse_depth
+    step = gap * (forth[:, 2] / w)[:, None]
+    mode, missed = within_reach_of_mode(step, CENTRES, ROUGH_STEP * float(np.median(np.abs(step).max(axis=1)))), gap
+    left = np.zeros((len(y), 2, 3))
+    left[:, 0, 0] = left[:, 1, 1] = w
+    left[:, :, 2] = -y[:, :2] * w[:, None]
+    right = y[:, :2] * forth[:, 2:] - forth[:, :2]
+    for _ in range(STEPPED):
+        if np.count_nonzero(mode) < FEWEST_OF_A_PART:
+            break
+        A, b = left[mode].reshape(-1, 3), right[mode].ravel()
+        p = np.linalg.lstsq(A.T @ A, A.T @ b, rcond=None)[0]
+        there = forth + w[:, None] * p
+        missed = y[:, :2] - there[:, :2] / there[:, 2:]
+        mode = np.abs(missed).max(axis=1) < noise
+    return mode & (np.abs(gap).max(axis=1) > noise), missed
+
+
+def copies_among_explained(posterior: Posterior) -> list[Part]:
+    """Shifted copies of planes among all points off the largest one, of which the pose explains some.
+
+    A print that repeats along the epipolar lines passes for another surface, from a pose that is a little off.
+    """
+    plane = posterior.points.plane_index
+    if not (plane != FREE).any():
+        return []
+    largest = int(np.argmax(np.bincount(plane[plane != FREE])))
+    held = (plane == largest) & (posterior.fit.robust_weights[1] > 0)
+    return [copy for copy in shifted_copies(posterior, ~held) if (copy.rows & posterior.fit.explained).any()]
+
+
+def shifted_copies(posterior: Posterior, outside: BoolArray) -> list[Part]:
+    """The `shifted_copy` of those points, that of the others, ..."""
+    found: list[Part] = []
+    while len(found) < MOST_COPIES and (copy := shifted_copy(posterior, outside)) is not None:
+        outside = outside & ~copy.rows
+        found.append(copy)
+    return found
 
 
 def other_part(posterior: Posterior, outside: BoolArray, rng: np.random.Generator) -> Part | None:

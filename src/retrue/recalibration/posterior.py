@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from functools import cached_property
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -38,6 +39,9 @@ SLOW = 0.3  # of the noise, that neighbours share
 EASING = 8
 WITHIN = 5.0  # sigma
 MUCH_DAMPING, LARGEST_DAMPING = 0.3, 1e6
+
+if TYPE_CHECKING:
+    from retrue.recalibration.parts import Part
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -216,8 +220,7 @@ class Posterior:
 
     @cached_property
     def eased(self) -> Posterior:
-        """The same with both lenses free within their prior, where a slow error asks for it: what hypotheses are
-        compared by.
+        """The same with both lenses free within their prior, where a slow error asks for it: what is compared.
 
         Points that are more exact than the lenses would else speak for whatever pose follows an error of those. On the
         way, no two points share an error, or all that a lens makes would be taken for it.
@@ -238,6 +241,14 @@ class Posterior:
     def losses(self) -> FloatArray:
         """(2, N) `negative_log_likelihood` of both families of residuals."""
         return negative_log_likelihood(self.fit, self.measured.support.blocks)
+
+    @cached_property
+    def parts(self) -> list[Part]:
+        """Shifted copies of planes that it explains, and planes that it does not: each has its own explanation."""
+        from retrue.recalibration.parts import planes_apart, shifted_copies, unexplained
+
+        outside = unexplained(self)
+        return shifted_copies(self, outside) + planes_apart(self, outside, self.measured.homography_residuals)
 
     @property
     def lens_covariance(self) -> FloatArray:

@@ -13,6 +13,8 @@ from retrue.geometry.camera import Camera
 from retrue.geometry.two_view import FREE, TwoViewPoints
 from retrue.rig import Rig
 
+SAME_PLACE, SAME_PLACE_PX = 0.2, 3.0  # of the usual distance between points, and at most
+LOUDEST = 3.0  # times the noise that photographs' matches measured of themselves, beside what a lens leaves over
 SMALLEST_RELATIVE_SIGMA = 0.1  # of the median: no point outweighs a hundred others by what it says of itself
 
 
@@ -52,6 +54,9 @@ class Rays:
 def rays_of_captures(rig: Rig, captures: Sequence[Correspondences], max_points: int, rng: np.random.Generator) -> Rays:
     """Undistorted rays of all captures, each thinned to its share; pixels that no ray maps to are left out.
 
+    A place that was found several times counts once: its copies share their error, and two wrong matches with their
+    copies would pass for a part of the scene. Decoders find no place twice.
+
     A capture that gives sigmas for one device only says that the other is exact; one that gives none has equal noise
     in both.
     """
@@ -75,6 +80,8 @@ def _rays_of_capture(rig: Rig, capture: Correspondences, index: int, max_points:
     row = np.arange(len(capture))
     if len(row) > max_points:
         row = np.sort(rng.choice(len(row), max_points, replace=False))
+    if capture.card is None or capture.card.counted == "features":
+        row = row[_one_a_place(capture, row)]
     camera_sigma, projector_sigma = _relative_sigmas(capture, row)
     camera_rays = rig.camera.unproject(capture.camera_px[row])
     projector_rays = rig.projector.unproject(capture.projector_px[row])
@@ -89,6 +96,30 @@ def _rays_of_capture(rig: Rig, capture: Correspondences, index: int, max_points:
     )
     rays = Rays(points, np.full(len(row), index), row)
     return rays if good.all() else rays.select(good)
+
+
+def _one_a_place(capture: Correspondences, row: IntArray) -> BoolArray:
+    """(N,) of those rows, all but the copies of a place that is found with less noise, or came before."""
+    kept = np.ones(len(row), dtype=np.bool_)
+    if len(row) < 2:
+        return kept
+    extent = capture.camera_px.max(axis=0) - capture.camera_px.min(axis=0)
+    reach = min(SAME_PLACE * float(np.sqrt(extent[0] * extent[1] / len(capture))), SAME_PLACE_PX)
+    if not reach > 0:
+        return kept
+    camera, projector = capture.camera_px[row], capture.projector_px[row]
+    given = [sigma[row] for sigma in (capture.camera_sigma_px, capture.projector_sigma_px) if sigma is not None]
+    noise = np.sum(np.square(given), axis=0) if given else np.zeros(len(row))
+    for offset in ((0.0, 0.0), (0.5, 0.0), (0.0, 0.5), (0.5, 0.5)):  # copies lie in one cell of one of these nets
+        left = np.flatnonzero(kept)
+        cell = np.floor(camera[left] / (2 * reach) + offset)
+        order = np.lexsort((left, noise[left], cell[:, 1], cell[:, 0]))
+        left, cell = left[order], cell[order]
+        first = np.append(True, (cell[1:] != cell[:-1]).any(axis=1))
+        best = left[np.maximum.accumulate(np.where(first, np.arange(len(left)), 0))]
+        near = [np.linalg.norm(pixels[left] - pixels[best], axis=1) < reach for pixels in (camera, projector)]
+        kept[left[~first & near[0] & near[1]]] = False
+    return kept
 
 
 def _relative_sigmas(capture: Correspondences, row: IntArray) -> tuple[FloatArray, FloatArray]:
@@ -109,3 +140,16 @@ def _relative_sigmas(capture: Correspondences, row: IntArray) -> tuple[FloatArra
 
 def _focal_length(device: Camera) -> float:
     return float(np.sqrt(device.K[0, 0] * device.K[1, 1]))
+
+
+def loudest_px(captures: Sequence[Correspondences], most: float) -> float:
+    """Noise that photographs' matches may have: louder ones are held together by a pose between that of some and that
+    of others.
+    """
+    known: list[FloatArray] = []
+    for capture in captures:
+        if capture.camera_sigma_px is not None and capture.projector_sigma_px is not None:
+            stated = np.hypot(capture.camera_sigma_px, capture.projector_sigma_px)
+            known.append(stated[np.isfinite(stated) & (stated > 0)])
+    told = np.concatenate(known) if known else np.empty(0)
+    return min(most, round(LOUDEST * float(np.median(told)), 3)) if len(told) else most

@@ -18,7 +18,7 @@ from retrue.recalibration.candidates import behind, same_pose, twins_of
 from retrue.recalibration.chance import beyond_chance
 from retrue.recalibration.light import light_costs, log_irradiance
 from retrue.recalibration.measured import MISFIT_PX
-from retrue.recalibration.parts import Part, planes_apart, shifted_copy, unexplained
+from retrue.recalibration.parts import A_COPY, Part
 from retrue.recalibration.posterior import Measured, Posterior, posterior_at, same_answer
 from retrue.recalibration.rays import Rays
 from retrue.rig import Rig
@@ -97,29 +97,40 @@ def explained_costs(
 ) -> tuple[FloatArray, float, float]:
     """`costs` (N,) where a part of the points may have another explanation; the price of priors and planes; of that.
 
-    A plane has three free parameters, a shifted copy two, a plane of its own eight, another pose five, each of which a
-    wider range would have fitted as well.
+    A plane has three free parameters, a shifted copy two or three, a plane of its own eight, another pose five, each of
+    which a wider range would have fitted as well.
     """
     found = costs(posterior, floor, measured.neighbours)
     plane = posterior.points.plane_index
     counts = np.bincount(plane[(plane != FREE) & (posterior.fit.robust_weights[1] > 0)], minlength=1)
     price, parts = posterior.prior_cost + 3 * PARAMETER * int(np.count_nonzero(counts >= FEWEST_OF_A_PLANE)), 0.0
-    outside = unexplained(posterior)
-    copy = shifted_copy(posterior, outside)
-    others = planes_apart(posterior, outside, measured.homography_residuals)
-    for other in [*(() if copy is None else (copy,)), *others, *asides]:
-        own_price = other.parameters * PARAMETER + (RARE if other is copy else 0.0)
-        explained = other.seldom * SELDOM
-        explained = explained + np.where((plane[other.rows] != FREE) & (other.missed.shape[1] == 1), UNEXPLAINED, 0.0)
-        level = float(np.hypot(other.level, MISFIT_PX))
-        for missed, least in zip(other.missed.T, (floor.across.level, floor.along.level), strict=False):
-            louder = 2 * max(float(np.log(level / np.hypot(least, MISFIT_PX))), 0.0)
-            explained = explained + np.minimum(biweight_loss(missed / level) + louder, UNEXPLAINED)
-        gained = np.maximum(found[other.rows] - explained, 0.0)
-        if float(gained.sum()) > own_price:
-            found[other.rows] -= gained
-            parts += own_price
+    left = [(other, _costs_of_part(other, plane, floor)) for other in (*posterior.parts, *asides)]
+    while left:  # the part that gains most comes first: another may have the same points
+        gains = [np.maximum(found[other.rows] - explained, 0.0) for other, explained in left]
+        worth = [float(gain.sum()) - price_of(other) for gain, (other, _) in zip(gains, left, strict=True)]
+        best = int(np.argmax(worth))
+        if not worth[best] > 0:
+            break
+        other, _ = left.pop(best)
+        found[other.rows] -= gains[best]
+        parts += price_of(other)
     return found, price, parts
+
+
+def price_of(part: Part) -> float:
+    """Chi-square that its parameters cost, and that few captures have a copy."""
+    return part.parameters * PARAMETER + (RARE if part.name == A_COPY else 0.0)
+
+
+def _costs_of_part(part: Part, plane: IntArray, floor: Floor) -> FloatArray:
+    """(rows,) what its points cost where it explains them."""
+    explained = part.seldom * SELDOM
+    explained = explained + np.where((plane[part.rows] != FREE) & (part.missed.shape[1] == 1), UNEXPLAINED, 0.0)
+    level = float(np.hypot(part.level, MISFIT_PX))
+    for missed, least in zip(part.missed.T, (floor.across.level, floor.along.level), strict=False):
+        louder = 2 * max(float(np.log(level / np.hypot(least, MISFIT_PX))), 0.0)
+        explained = explained + np.minimum(biweight_loss(missed / level) + louder, UNEXPLAINED)
+    return explained
 
 
 def least(posteriors: list[Posterior], measured: Measured) -> Posterior:

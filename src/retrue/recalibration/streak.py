@@ -115,6 +115,17 @@ def after_unknown(streak: Streak, options: StreakOptions) -> Streak:
     return replace(streak, unknown=streak.unknown + 1)
 
 
+def after_bump(streak: Streak, frames: int) -> Streak:
+    """The last frames agree on another place than those before them: only they count, and none was tried yet.
+
+    >>> streak = after_bump(Streak(tuple(Drifted(number, 0.1) for number in (3, 4, 5)), untried=1), 2)
+    >>> [frame.number for frame in streak.drifted], streak.untried
+    ([4, 5], 2)
+    """
+    kept = streak.drifted[-frames:]
+    return Streak(kept, len(kept))
+
+
 def is_due(streak: Streak, options: StreakOptions) -> bool:
     """Whether as many frames drifted, since the last attempt, as it takes."""
     return streak.untried >= options.drifted_frames

@@ -18,6 +18,7 @@ from retrue.files.points import read_points
 from retrue.geometry.arrays import Image
 from retrue.watch.frame import Frame, Position
 from retrue.watch.options import WatchOptions
+from retrue.watch.temperature import temperature_beside
 
 READ = SUFFIXES | {".csv"}
 RETRY_SECONDS = 1.0  # between two tries to read a file that cannot be read yet
@@ -42,13 +43,15 @@ class FolderSource:
     """Polls a folder. What it remembers is only the last arrival that is done, and files that are not done yet.
 
     A file counts as whole when it has not changed for `settle_seconds` and reads; one that never does is handed
-    over as a frame with a problem after `patience_seconds`. Other files do not wait for it, nor it for them.
+    over as a frame with a problem after `patience_seconds`. Other files do not wait for it, nor it for them. Files
+    of other `suffixes` are none.
     """
 
     folder: Path
     options: WatchOptions
     position: Position = field(default_factory=dict[str, Any])
     live: bool = False
+    suffixes: frozenset[str] = READ
     _done: _Arrival = (0, "")
     _waiting: dict[str, _Waiting] = field(default_factory=dict[str, _Waiting])
     _failed: dict[str, _Waiting] = field(default_factory=dict[str, _Waiting])
@@ -96,7 +99,7 @@ class FolderSource:
         """New files that have settled, oldest arrival first."""
         now = time.monotonic()
         present: dict[str, _Waiting] = {}
-        for name, arrival, size in _listing(self.folder):
+        for name, arrival, size in _listing(self.folder, self.suffixes):
             known = self._waiting.get(name)
             if known is None and arrival <= self._done:
                 continue
@@ -126,14 +129,15 @@ class FolderSource:
         del self._waiting[name]
         self._done = max(self._done, waiting.arrival)
         behind = [other for other, item in self._waiting.items() if item.arrival <= self._done]
-        return Frame(name, content, {"after": list(self._done), "waiting": behind}, capture, problem)
+        position = {"after": list(self._done), "waiting": behind}
+        return Frame(name, content, position, capture, problem, temperature_beside(path))
 
 
-def _listing(folder: Path) -> Iterator[tuple[str, _Arrival, int]]:
+def _listing(folder: Path, suffixes: frozenset[str]) -> Iterator[tuple[str, _Arrival, int]]:
     try:
         with os.scandir(folder) as entries:
             for entry in entries:
-                if entry.name.startswith(".") or Path(entry.name).suffix.lower() not in READ:
+                if entry.name.startswith(".") or Path(entry.name).suffix.lower() not in suffixes:
                     continue
                 try:
                     status = entry.stat()

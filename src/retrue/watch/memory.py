@@ -16,9 +16,9 @@ from retrue.errors import FileError, InputError
 from retrue.files.kept_points import keep_points, read_kept_points
 from retrue.geometry.arrays import finite_array
 from retrue.plain_json import plain
-from retrue.recalibration.creep import Creep, after_frame, jump
+from retrue.recalibration.creep import BUMP_FRAMES, Creep, after_frame, jump
 from retrue.recalibration.result import Verification
-from retrue.recalibration.streak import Drifted, Streak, after_drifted, after_good, after_unknown
+from retrue.recalibration.streak import Drifted, Streak, after_bump, after_drifted, after_good, after_unknown
 from retrue.rig import Rig
 from retrue.watch.frame import Frame
 from retrue.watch.options import WatchOptions
@@ -43,7 +43,7 @@ class Memory:
     folder : for the points of drifted frames, which another process may go on from.
     kept : the drifted frames, by number.
     recent : the last frames that could tell; not saved, for others come soon.
-    jumped : whether the first of the drifted frames was elsewhere than the one before it.
+    jumped : whether the first of the drifted frames was elsewhere than the one before it, or all that count are.
     """
 
     folder: Path
@@ -62,6 +62,7 @@ class Memory:
         kept = Kept(frame.name, frame.capture, points, sigma)
         if found.verdict == "drifted" and not self.streak.drifted:
             self.jumped = self.creep is None or jump(self.creep, pose, found, limits.creep) > limits.creep.creep_sigmas
+        bumps = 0 if self.creep is None else self.creep.bumps
         self.creep = after_frame(self.creep, pose, found, limits.creep)
         if found.verdict != "unknown":
             self.recent = [*self.recent, kept][-limits.remembered_frames :]
@@ -71,6 +72,8 @@ class Memory:
             self.streak = after_unknown(self.streak, limits)
         else:
             self.streak = after_drifted(self.streak, Drifted(number, sigma), limits)
+            if self.creep is not None and self.creep.bumps > bumps:
+                self.jumped, self.streak = True, after_bump(self.streak, BUMP_FRAMES)
             self.kept[number] = kept
             self.folder.mkdir(exist_ok=True)
             keep_points(self._path(number), points)

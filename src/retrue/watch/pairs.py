@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-import json
 import queue
 import threading
 import time
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from contextlib import suppress
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -21,8 +20,6 @@ HELD = 4  # frames of each camera that may wait for the other: pictures take mem
 STEPS = 16  # between frames, from which the usual one is known
 WAIT = 0.02  # seconds
 SAME_MOMENT = 0.25  # of the usual time between two frames of one camera
-SIDE_FILES = (".json", ".txt", ".csv")
-LONGEST_SIDE_FILE = 65_536
 
 
 _Arrivals = queue.Queue["tuple[float, Frame] | Exception | None"]
@@ -66,7 +63,6 @@ class PairedSource:
 
     first: Source
     second: Source
-    folders: tuple[Path | None, Path | None] = (None, None)
     _pending: tuple[_Pending, _Pending] = field(default_factory=lambda: (_Pending(), _Pending()))
 
     @property
@@ -150,20 +146,11 @@ class PairedSource:
             return Frame(name, None, self._position(), capture, f"{unread.name}: {unread.problem}")
         if not (isinstance(left.content, np.ndarray) and isinstance(right.content, np.ndarray)):
             return Frame(name, None, self._position(), capture, "expected photographs, found tables of points")
-        content = (left.content, right.content)
-        return Frame(name, content, self._position(), capture, temperature=self._temperature(left, right))
+        warm = right.temperature if left.temperature is None else left.temperature
+        return Frame(name, (left.content, right.content), self._position(), capture, temperature=warm)
 
     def _position(self) -> Position:
         return {"first": self._pending[0].saved(), "second": self._pending[1].saved()}
-
-    def _temperature(self, left: Frame, right: Frame) -> float | None:
-        """What a side file of either photograph says: 0001.json or 0001.txt beside 0001.png."""
-        for folder, frame in zip(self.folders, (left, right), strict=True):
-            for suffix in SIDE_FILES if folder is not None else ():
-                found = side_temperature((cast(Path, folder) / frame.name).with_suffix(suffix))
-                if found is not None:
-                    return found
-        return None
 
 
 def _put(
@@ -173,28 +160,6 @@ def _put(
         with suppress(queue.Full):
             arrivals.put(item, timeout=0.1)
             return
-
-
-def side_temperature(path: Path) -> float | None:
-    """`{"temperature": 21.4}`, or the last number of a text; None where there is none."""
-    try:
-        if not path.is_file() or path.stat().st_size > LONGEST_SIDE_FILE:
-            return None
-        text = path.read_text(encoding="utf-8", errors="replace")
-    except OSError:
-        return None
-    number: Any = None
-    if path.suffix.lower() == ".json":
-        with suppress(ValueError):
-            values: Any = json.loads(text)
-            number = cast("Mapping[str, Any]", values).get("temperature") if isinstance(values, dict) else values
-    else:
-        number = next(iter(text.replace(",", " ").replace(";", " ").split()[::-1]), None)
-    try:
-        value = float(number)
-    except (TypeError, ValueError):
-        return None
-    return value if np.isfinite(value) else None
 
 
 def _moment(name: str, otherwise: float) -> float:

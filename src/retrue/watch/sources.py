@@ -56,11 +56,12 @@ def open_pair(sources: tuple[str, str | None], limits: WatchOptions, position: P
             raise InputError(f"{first}: expected two sources, or a folder that holds a folder of each camera")
         first, second = map(str, sides)
     opened = [
-        open_source(source, True, limits, position.get(side, {}))
+        FolderSource(Path(source), limits, position.get(side, {}), suffixes=SUFFIXES)
+        if Path(source).is_dir()
+        else open_source(source, True, limits, position.get(side, {}))
         for side, source in (("first", first), ("second", second))
     ]
-    folders = [Path(source) if Path(source).is_dir() else None for source in (first, second)]
-    return PairedSource(opened[0], opened[1], (folders[0], folders[1]))
+    return PairedSource(opened[0], opened[1])
 
 
 def open_pattern(rig: Rig, path: Path | None) -> Pattern | None:

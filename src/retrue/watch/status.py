@@ -23,7 +23,7 @@ WIDTH, HEIGHT = 480, 90  # of a drawing, pixels
 STYLE = (
     "body{font:15px system-ui,sans-serif;margin:2rem;max-width:70rem}table{border-collapse:collapse}"
     "td,th{padding:.3rem .8rem;text-align:left;border-bottom:1px solid #8884}.drifted,.failed{color:#c33}"
-    ".good{color:#282}svg{background:#8881}polyline{fill:none;stroke:#38c;stroke-width:1.5}line{stroke:#c33}"
+    ".good{color:#282}svg{background:#8881}polyline{fill:none;stroke:#38c;stroke-width:1.5}.warm{stroke:#d82;stroke-width:1}line{stroke:#c33}"
     "@media(prefers-color-scheme:dark){body{background:#181818;color:#ddd}}"
 )
 
@@ -35,6 +35,7 @@ class RigStatus:
     Attributes
     ----------
     drift : (time, mm at the working distance; None where it could not be told) of the last frames.
+    warmth : (time, temperature; None where nobody measured) of the same.
     """
 
     unit: str = ""
@@ -48,6 +49,7 @@ class RigStatus:
     temperature: float | None = None
     last: str = ""
     drift: deque[tuple[str, float | None]] = field(default_factory=lambda: deque(maxlen=REMEMBERED))
+    warmth: deque[tuple[str, float | None]] = field(default_factory=lambda: deque(maxlen=REMEMBERED))
     changes: deque[tuple[str, str]] = field(default_factory=lambda: deque(maxlen=20))
 
     def observe(self, event: Event) -> None:
@@ -59,6 +61,7 @@ class RigStatus:
                 self.frames += 1
                 self.temperature = event.get("temperature")
                 self.drift.append((event["time"], self._millimetres(event)))
+                self.warmth.append((event["time"], self.temperature))
             case "bad frame":
                 self.frames, self.bad, self.reason = self.frames + 1, self.bad + 1, event["reason"]
             case "recalibrated":
@@ -128,6 +131,7 @@ class Status:
                     "temperature": rig.temperature,
                     "last": rig.last,
                     "drift_mm": [list(point) for point in rig.drift],
+                    "temperatures": [list(point) for point in rig.warmth],
                     "changes": [list(change) for change in rig.changes],
                 }
                 for name, rig in self.rigs.items()
@@ -185,14 +189,14 @@ def _row(name: str, rig: Mapping[str, Any]) -> str:
         f"{rig['frames']}{bad}",
         f"{rig['recalibrated']}",
         f"{escape(last)}{warm}",
-        _drawing(rig["drift_mm"], rig["changes"]),
+        _drawing(rig["drift_mm"], rig["temperatures"], rig["changes"]),
     )
     return f"<tr>{''.join(f'<td>{cell}</td>' for cell in cells)}</tr>"
 
 
-def _drawing(drift: Sequence[Sequence[Any]], changes: Sequence[Sequence[str]]) -> str:
-    """Drift over time; a red line where the rig was recalibrated."""
-    points = [(datetime.fromisoformat(time).timestamp(), off) for time, off in drift if off is not None]
+def _drawing(drift: Sequence[Sequence[Any]], warmth: Sequence[Sequence[Any]], changes: Sequence[Sequence[str]]) -> str:
+    """Drift over time, and the temperature from its lowest to its highest; a red line where it was recalibrated."""
+    points, warm = _known(drift), _known(warmth)
     if len(points) < 2:
         return ""
     begin, end = points[0][0], points[-1][0]
@@ -201,13 +205,28 @@ def _drawing(drift: Sequence[Sequence[Any]], changes: Sequence[Sequence[str]]) -
     def across(time: float) -> float:
         return WIDTH * (time - begin) / max(end - begin, 1e-9)
 
-    line = " ".join(f"{across(time):.1f},{HEIGHT - (HEIGHT - 8) * off / top:.1f}" for time, off in points)
+    def line(curve: Sequence[tuple[float, float]], low: float, high: float) -> str:
+        span = max(high - low, 1e-9)
+        return " ".join(
+            f"{across(time):.1f},{HEIGHT - (HEIGHT - 8) * (value - low) / span:.1f}" for time, value in curve
+        )
+
     marks = "".join(
         f'<line x1="{x:.1f}" x2="{x:.1f}" y1="0" y2="{HEIGHT}"><title>{escape(kind)}</title></line>'
         for time, kind in changes
         if 0 <= (x := across(datetime.fromisoformat(time).timestamp())) <= WIDTH
     )
+    said, curve = f"drift, at most {top:.3g} mm", ""
+    if len(warm) > 1:
+        low, high = (pick(value for _, value in warm) for pick in (min, max))
+        said += f"; {low:g} to {high:g} degrees"
+        curve = f'<polyline class="warm" points="{line(warm, low, high)}"/>'
     return (
-        f'<svg width="{WIDTH}" height="{HEIGHT}" role="img" aria-label="drift, at most {top:.3g} mm">'
-        f'{marks}<polyline points="{line}"/></svg> {top:.3g}'
+        f'<svg width="{WIDTH}" height="{HEIGHT}" role="img" aria-label="{said}">'
+        f'{marks}{curve}<polyline points="{line(points, 0.0, top)}"/></svg> {top:.3g}'
     )
+
+
+def _known(curve: Sequence[Sequence[Any]]) -> list[tuple[float, float]]:
+    """Seconds and value, where there is one."""
+    return [(datetime.fromisoformat(time).timestamp(), value) for time, value in curve if value is not None]

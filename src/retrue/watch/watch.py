@@ -24,6 +24,7 @@ from retrue.watch.frame import Frame, Source
 from retrue.watch.frame_queue import FrameQueue
 from retrue.watch.memory import Kept, Memory, creep_values
 from retrue.watch.options import WatchOptions
+from retrue.watch.record import supported
 from retrue.watch.stages import Stages
 from retrue.watch.state import WatchState, write_state
 from retrue.watch.temperature import last_reading
@@ -274,6 +275,7 @@ def _verification_values(found: Verification) -> dict[str, Any]:
         "epipolar_rms_px": found.epipolar_rms_px,
         "drift": None if found.drift is None else asdict(found.drift),
         "drift_sigmas": found.drift_sigmas,
+        "supported": supported(found),
     }
 
 

@@ -170,8 +170,9 @@ def refined(pictures: list[Image], disparity: FloatArray) -> tuple[FloatArray, F
         step = _windowed(slope * gap) / np.maximum(steep, 1e-6)  # warped(x + e) = left(x): the disparity shrinks by e
         sure = smooth & (steep > LEAST_SLOPE**2) & (np.abs(step) < SMOOTH_PX)
         disparity = np.where(sure, mean - step, disparity)
-        rest = np.maximum(_windowed(((gap - slope * step) * smooth) ** 2), 0) / np.maximum(_windowed(smooth), 1e-6)
-        known_to = SIGMA_FACTOR * np.sqrt(rest / np.maximum(steep, 1e-6)) / WINDOW
+        held = np.maximum(_windowed(smooth), 1e-6)  # the rest of the window is of another surface, and bends the step
+        rest = np.maximum(_windowed(((gap - slope * step) * smooth) ** 2), 0) / held
+        known_to = SIGMA_FACTOR * np.sqrt(rest / np.maximum(steep, 1e-6)) / (held * WINDOW)
         sigma = np.where(sure, np.hypot(LEAST_SIGMA_PX, known_to), sigma)
     return disparity, np.minimum(sigma, DISAGREE_PX)
 

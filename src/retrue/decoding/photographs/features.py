@@ -18,6 +18,8 @@ from numpy.typing import NDArray
 from retrue.geometry.arrays import BoolArray, FloatArray, Image, IntArray
 from retrue.patterns.photographs import Matches
 
+PIXELS_EACH = 200  # for each feature that is asked for; of a picture that has more, and is large, its half is searched
+LARGE = 640 * 480
 LEAST_CONTRAST = 0.015  # of full scale, as OpenCV's SIFT counts it; a third of its default finds faint texture, too
 ROWS = 512  # of the table of similarities at a time
 
@@ -51,16 +53,25 @@ def match_sift(left: Image, right: Image, most_features: int, ratio: float) -> t
 
 
 def find_features(picture: Image, most: int) -> Features:
-    """The strongest features of a grey picture (h, w), uint8."""
+    """The strongest features of a grey picture (h, w), uint8.
+
+    A picture with pixels to spare is halved first: the smallest features are most of the work, hardly any are among the
+    strongest, and what a place is worth is settled when its match is aligned, in the picture itself.
+    """
+    height, width = picture.shape
+    small = picture
+    while small.size > max(PIXELS_EACH * most, LARGE):
+        small = cv2.resize(small, (small.shape[1] // 2, small.shape[0] // 2), interpolation=cv2.INTER_AREA)
+    pixel = np.array([width / small.shape[1], height / small.shape[0]])
     finder = cv2.SIFT.create(most, contrastThreshold=LEAST_CONTRAST, enable_precise_upscale=True)
-    keypoints, found = finder.detectAndCompute(picture, cast(Any, None))
+    keypoints, found = finder.detectAndCompute(small, cast(Any, None))
     descriptors = cast("NDArray[np.float32] | None", found)
     if descriptors is None:
         return Features(np.empty((0, 2)), np.empty(0), np.empty(0), np.empty((0, 128), dtype=np.float32))
     descriptors = np.sqrt(descriptors / np.maximum(descriptors.sum(axis=1, keepdims=True), 1e-9))
     return Features(
-        np.array([point.pt for point in keypoints], dtype=np.float64),
-        np.array([point.size for point in keypoints], dtype=np.float64),
+        (np.array([point.pt for point in keypoints], dtype=np.float64) + 0.5) * pixel - 0.5,
+        np.array([point.size for point in keypoints], dtype=np.float64) * float(np.sqrt(pixel.prod())),
         np.radians([point.angle for point in keypoints]),
         descriptors,
     )

@@ -1,0 +1,97 @@
+"""Matches of photographs with what deceives: repeated prints, places found many times, poses between two truths."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from retrue.correspondences import Card, Correspondences
+from retrue.geometry.camera import Camera
+from retrue.geometry.transform import RigidTransform, direction_angle, rotation_angle
+from retrue.recalibration.rays import rays_of_captures
+from retrue.recalibration.reasons import PointsDisagree
+from retrue.recalibration.recalibrate import recalibrate
+from retrue.recalibration.result import Accepted, Refused
+from retrue.rig import Rig
+
+LEFT = Camera((640, 480), [[620, 0, 319.5], [0, 620, 239.5], [0, 0, 1]])
+RIGHT = Camera((640, 480), [[580, 0, 319.5], [0, 580, 239.5], [0, 0, 1]])
+RIG = Rig(LEFT, RIGHT, RigidTransform.from_rotation_vector([0.02, -0.05, 0.03], [-1.0, 0.03, -0.05]))
+OLD = replace(RIG, projector_from_camera=RigidTransform.from_rotation_vector([0.03, -0.04, 0.02], [-1.0, 0.05, -0.04]))
+SIGMA_PX, DISTANCE, COUNT = 0.1, 8.0, 400
+
+
+def scene(random: np.random.Generator, boxes: bool = True) -> np.ndarray:
+    """(N, 3) points of a slanted wall; and of two boxes before it."""
+    rays = LEFT.unproject(random.uniform([5, 5], [635, 475], (COUNT, 2)))
+    depth = DISTANCE / (np.column_stack([rays, np.ones(COUNT)]) @ [0.2, -0.1, 1.0])
+    if boxes:
+        for centre, share in (([-0.25, 0.1], 0.7), ([0.3, -0.15], 0.8)):
+            depth[np.abs(rays - centre).max(axis=1) < 0.07] *= share
+    return np.column_stack([rays, np.ones(COUNT)]) * depth[:, None]
+
+
+def matched(first: np.ndarray, second: np.ndarray, random: np.random.Generator) -> Correspondences:
+    """What the first camera sees of some points, and the second one of those in their place."""
+    left = LEFT.project(first) + random.normal(0, SIGMA_PX / np.sqrt(2), (len(first), 2))
+    right = RIG.projector_from_camera.apply(second)
+    right = RIGHT.project(right) + random.normal(0, SIGMA_PX / np.sqrt(2), (len(first), 2))
+    each = np.full(len(first), SIGMA_PX / np.sqrt(2))
+    return Correspondences(left, right, each, each, card=Card("features", len(first), len(first), {}, 1.0))
+
+
+def errors_deg(result: Accepted) -> tuple[float, float]:
+    found, true = result.rig.projector_from_camera, RIG.projector_from_camera
+    turned, shifted = rotation_angle(found.R @ true.R.T), direction_angle(found.t, true.t)
+    return float(np.degrees(turned)), float(np.degrees(shifted))
+
+
+def assert_near(result: Accepted | Refused) -> None:
+    assert isinstance(result, Accepted), result.reason
+    sigma = result.evidence.sigma
+    assert sigma is not None
+    rotation, translation = errors_deg(result)
+    assert rotation < max(0.05, 3 * sigma.rotation_deg)
+    assert translation < max(0.3, 3 * sigma.translation_deg)
+
+
+@pytest.mark.parametrize("seed", range(3))
+@pytest.mark.parametrize("ways", [[1], [-1, 1]])
+def test_a_print_that_repeats_along_the_baseline_does_not_bend_the_pose(ways: list[int], seed: int) -> None:
+    random = np.random.default_rng(seed)
+    points = scene(random, boxes=False)
+    copied = random.random(COUNT) < 0.15
+    step = np.array([0.045, 0.003, 0.0]) * DISTANCE * random.choice(ways, (COUNT, 1))
+    assert_near(recalibrate(OLD, [matched(points, points + np.where(copied[:, None], step, 0.0), random)]))
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_two_wrong_matches_with_copies_are_no_part_of_the_scene(seed: int) -> None:
+    random = np.random.default_rng(seed)
+    points = matched(scene(random, boxes=False), scene(np.random.default_rng(seed), boxes=False), random)
+    wrong = points.projector_px.copy()
+    wrong[:3] += random.normal(0, 40, (3, 2))
+    rows = np.concatenate([np.arange(COUNT), np.repeat(np.arange(12), 8)])
+    jitter = random.normal(0, 0.4, (len(rows), 2)) * (np.arange(len(rows)) >= COUNT)[:, None]
+    copied = replace(points, projector_px=wrong).select(rows)
+    copied = replace(copied, camera_px=copied.camera_px + jitter, projector_px=copied.projector_px + jitter)
+    assert len(rays_of_captures(RIG, [copied], 20_000, random)) == pytest.approx(COUNT, abs=15)
+    assert_near(recalibrate(OLD, [copied]))
+
+
+def test_places_side_by_side_are_not_copies() -> None:
+    x, y = np.meshgrid(np.arange(100.0, 160.0), np.arange(80.0, 130.0))
+    dense = np.column_stack([x.ravel(), y.ravel()])
+    assert len(rays_of_captures(RIG, [Correspondences(dense, dense)], 20_000, np.random.default_rng(0))) == len(dense)
+
+
+def test_a_pose_between_those_of_two_halves_is_refused() -> None:
+    random = np.random.default_rng(0)
+    points = scene(random)
+    moved = RigidTransform.from_rotation_vector([0.0, 0.001, 0.0008], [0.0, 0.012, 0.0]).apply(points)
+    moved = np.where(random.random((COUNT, 1)) < 0.45, moved, points)
+    result = recalibrate(OLD, [matched(points, moved, random)])
+    assert isinstance(result, Refused), errors_deg(result)
+    assert isinstance(result.cause, PointsDisagree)
