@@ -302,8 +302,10 @@ def objection(
         return PointsDisagree(share, 1 - options.max_outliers, fit.epipolar_noise.level, judgement.loudest_px)
     if judgement.differing is not None and not judgement.differing[1] <= MOST_DEVIATIONS:
         return CapturesDiffer(judgement.differing[0] + 1, judgement.differing[1])
-    if judgement.other_part is not None and judgement.other_part.name != IN_A_MIRROR:  # those are of no direct pose
-        if not (other := judgement.other_part.count / len(judgement.outside)) <= LARGEST_OTHER_PART * share:
+    part = judgement.other_part
+    if part is not None and part.name != IN_A_MIRROR:  # what a mirror shows is of no direct pose
+        other = part.count / len(judgement.outside)
+        if not other <= LARGEST_OTHER_PART * share:
             return PartsContradict(share, other)
     rival = min(judgement.rivals, key=lambda one: one.margin, default=None)
     if rival is not None and not rival.margin >= options.min_margin:
