@@ -254,8 +254,8 @@ def _apart(
     if measured.textured:
         starts += [(fit.parameters, [copy]) for fit in posteriors for copy in copies_among_explained(fit)]
     level = max(noise.level for noise in best.eased.fit.noises)
-    quieter = len(points) * 4 * float(np.log(level / min(plane_levels(measured), default=level)))
-    if alone and len(homographies) > 1 and not quieter < 2 * PARAMETER + RARE:
+    gained = len(points) * 4 * float(np.log(level / min(plane_levels(measured), default=level)))
+    if alone and len(homographies) > 1 and not gained < 2 * PARAMETER + RARE:
         for plane, twin in twins_of_planes(points, homographies):
             elsewhere = points.plane_index != plane
             starts.append((Parameters.of(twin), [Part("elsewhere", elsewhere, 8, np.empty((0, 2)), 0.0)]))
@@ -279,10 +279,9 @@ def objection(
     judgement: Judgement, sigma: PoseSigma | None, distance: float | None, options: RecalibrateOptions
 ) -> Reason | None:
     """Why the best explanation is still not to be trusted; None where nothing speaks against it. NaN refuses."""
-    fit = judgement.answer.fit
+    fit, lens = judgement.answer.fit, judgement.lens
     share = 1 - np.count_nonzero(judgement.outside) / len(judgement.outside)
     level = float(np.maximum(fit.epipolar_noise.level, fit.along_noise.level))
-    lens = judgement.lens
     if judgement.exchanged is not None:
         return DevicesExchanged(*judgement.exchanged)
     if lens.verdict == "changed" and options.lens != "refit":
@@ -303,10 +302,9 @@ def objection(
     if judgement.differing is not None and not judgement.differing[1] <= MOST_DEVIATIONS:
         return CapturesDiffer(judgement.differing[0] + 1, judgement.differing[1])
     part = judgement.other_part
-    if part is not None and part.name != IN_A_MIRROR:  # what a mirror shows is of no direct pose
-        other = part.count / len(judgement.outside)
-        if not other <= LARGEST_OTHER_PART * share:
-            return PartsContradict(share, other)
+    other = 0.0 if part is None or part.name == IN_A_MIRROR else part.count / len(judgement.outside)
+    if not other <= LARGEST_OTHER_PART * share:  # what a mirror shows is of no direct pose
+        return PartsContradict(share, other)
     rival = min(judgement.rivals, key=lambda one: one.margin, default=None)
     if rival is not None and not rival.margin >= options.min_margin:
         pose, other = judgement.answer.pose, rival.posterior.pose

@@ -20,7 +20,7 @@ from retrue.recalibration.rays import Rays
 FEWEST_OF_A_PART = 15
 A_COPY, IN_A_MIRROR = "a shifted copy", "points in a mirror"
 SHARE_OF_A_COPY = 0.1  # of the unexplained points; what one shift puts in place along both axes is no chance
-MOST_COPIES = 3
+MOST_COPIED, MOST_COPIES = 3, 3  # planes, the largest; and copies of them
 ROUGH_STEP, STEPPED = 0.1, 4  # of a step, by which perspective makes it differ at first; and fits of it
 STRIPS, MOST_SAMPLES = 4, 180
 CENTRES = 50  # shifts to look for others about
@@ -116,7 +116,9 @@ def shifted_copy(posterior: Posterior, outside: BoolArray) -> Part | None:
     x = np.column_stack([points.camera_rays[rows], np.ones(len(rows))])
     y = np.column_stack([points.projector_rays[rows], np.ones(len(rows))])
     found: list[tuple[BoolArray, FloatArray, int, int]] = []
-    for index, n in enumerate(pose.planes):
+    counts = np.bincount(points.plane_index[points.plane_index != FREE], minlength=len(pose.planes))
+    for index in np.argsort(-counts)[:MOST_COPIED].tolist():
+        n = pose.planes[index]
         H: FloatArray = pose.R + pose.t[:, None] * n
         forth = x @ H.T
         with np.errstate(all="ignore"):
@@ -277,8 +279,9 @@ def parts_apart(posterior: Posterior, part: Part | None, missed: FloatArray) -> 
 
 
 def _of_another_pose(part: Part, outside: BoolArray) -> bool:
-    """Whether most of a part is unexplained: else its pose is that of the hypothesis."""
-    return int(np.count_nonzero(part.rows & outside)) > MOST_OF_A_PLANE * part.count
+    """Whether it is a part of what is unexplained, larger than chance makes: else its pose is the hypothesis' own."""
+    fewest = max(FEWEST_OF_A_PART, SHARE_OF_A_PART * int(np.count_nonzero(outside)))
+    return int(np.count_nonzero(part.rows & outside)) >= fewest
 
 
 def differing_capture(measured: Measured, rays: Rays, answer: Posterior) -> tuple[int, float] | None:
