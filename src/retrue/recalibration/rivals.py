@@ -32,6 +32,7 @@ FEWEST_OF_A_PLANE = 12
 SELDOM = 1.7  # of chi-square, 2 log(.7 / .3): a point of a copy, a mirror, or what moved, is the rarer one
 RARE = 18.0  # of chi-square, 2 log 8000: so few captures have a copy, where a plane more is nothing strange
 ROUGH = 0.3  # of chi-square: what bows and lenses that no model holds make of a point on a plane
+SAME_POINTS = 0.1  # of two parts, at most, that are not of both
 APART = 10.0  # times the noise: nearer to the line where two planes meet, either may claim a point
 
 
@@ -94,8 +95,9 @@ def costs(posterior: Posterior, floor: Floor, neighbours: IntArray) -> FloatArra
 
 def explained_costs(
     posterior: Posterior, floor: Floor, measured: Measured, asides: Sequence[Part]
-) -> tuple[FloatArray, float, float]:
-    """`costs` (N,) where a part of the points may have another explanation; the price of priors and planes; of that.
+) -> tuple[FloatArray, float, float, BoolArray]:
+    """`costs` (N,) where a part of the points may have another explanation; the price of priors and planes; of that;
+    and which points (N,) have it.
 
     A plane has three free parameters, a shifted copy two or three, a plane of its own eight, another pose five, each of
     which a wider range would have fitted as well.
@@ -105,6 +107,7 @@ def explained_costs(
     counts = np.bincount(plane[(plane != FREE) & (posterior.fit.robust_weights[1] > 0)], minlength=1)
     price, parts = posterior.prior_cost + 3 * PARAMETER * int(np.count_nonzero(counts >= FEWEST_OF_A_PLANE)), 0.0
     left = [(other, _costs_of_part(other, plane, floor)) for other in (*posterior.parts, *asides)]
+    given = np.zeros(len(found), dtype=np.bool_)
     while left:  # the part that gains most comes first: another may have the same points
         gains = [np.maximum(found[other.rows] - explained, 0.0) for other, explained in left]
         worth = [float(gain.sum()) - price_of(other) for gain, (other, _) in zip(gains, left, strict=True)]
@@ -114,7 +117,8 @@ def explained_costs(
         other, _ = left.pop(best)
         found[other.rows] -= gains[best]
         parts += price_of(other)
-    return found, price, parts
+        given |= other.rows
+    return found, price, parts, given
 
 
 def price_of(part: Part) -> float:
@@ -144,7 +148,7 @@ def _least(posteriors: list[Posterior], judged: list[Posterior], measured: Measu
     floor = Floor.of(judged)
     totals: list[float] = []
     for fit in judged:
-        found, price, parts = explained_costs(fit, floor, measured, ())
+        found, price, parts, _ = explained_costs(fit, floor, measured, ())
         totals.append(float(found.sum()) + price + parts)
     return posteriors[int(np.argmin(totals))]
 
@@ -260,13 +264,16 @@ def _point_evidence(
     """Nats, of the points and of what has to be taken for a part of its own.
 
     A sum that a few points make, as chance would have it, counts less. Of a plane that both fit, the difference counts
-    that is larger than what no model explains of a real wall, nor a slow error that one of them takes for a bow.
+    that is larger than what no model explains of a real wall, nor a slow error that one of them takes for a bow. What
+    has another explanation in both tells neither.
     """
     shared, floor = _shared_plane(best, rival, measured), Floor.of([best, rival])
-    lost, price, parts = _cheaper((rival, eased), floor, measured, asides, ~shared)
-    held, own_price, own_parts = _cheaper((best, best.eased), floor, measured, asides, ~shared)
-    elsewhere = (lost - held)[~shared]
-    told = float(elsewhere.sum()) * beyond_chance(elsewhere) + min(price - own_price, 0.0) + parts - own_parts
+    lost, price, parts, given = _cheaper((rival, eased), floor, measured, asides, ~shared)
+    held, own_price, own_parts, own = _cheaper((best, best.eased), floor, measured, asides, ~shared)
+    elsewhere = (lost - held)[~(shared | given & own)]
+    told = float(elsewhere.sum()) * beyond_chance(elsewhere) + min(price - own_price, 0.0)
+    if not np.count_nonzero(given ^ own) < SAME_POINTS * np.count_nonzero(given | own):
+        told += parts - own_parts
     if shared.any():  # lenses may follow what is slow, or be what makes it: of both, what tells less
         pairs = (best, rival), (best.eased, eased)
         told += min((_of_shared(*pair, measured, asides, shared) for pair in pairs), key=abs)
@@ -285,7 +292,7 @@ def _of_shared(
 
 def _cheaper(
     fits: tuple[Posterior, Posterior], floor: Floor, measured: Measured, asides: Sequence[Part], rows: BoolArray
-) -> tuple[FloatArray, float, float]:
+) -> tuple[FloatArray, float, float, BoolArray]:
     """The `explained_costs` of whichever of the two, as it is or eased, costs less at those rows (N,)."""
     found = [explained_costs(fit, floor, measured, asides) for fit in fits]
     return min(found, key=lambda one: float(one[0][rows].sum()) + one[1] + one[2])
