@@ -224,15 +224,9 @@ def _rivals(
     asides: Sequence[Part],
     rng: np.random.Generator,
 ) -> tuple[Rival, ...]:
-    others = [
-        (
-            "another pose",
-            fit,
-            fit if same_answer(best, fit.eased.pose) else fit.eased,
-        )  # or it is that
-        for fit in posteriors
-        if not same_answer(best, fit.pose)
-    ]
+    others = [("another pose", fit, fit.eased) for fit in posteriors if not same_answer(best, fit.pose)]
+    # One that eases into the best is that, and stands as it is.
+    others = [(name, fit, fit if same_answer(best, eased.pose) else eased) for name, fit, eased in others]
     for twin in twins_of(best.pose, best.points):
         if not (same_answer(best, twin) or any(same_pose(twin, fit.pose) for _, fit, _ in others)):
             fit = posterior_at(measured, replace(best.parameters, pose=twin), best.prior)
