@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import os
 import re
 import shutil
@@ -14,6 +15,7 @@ import tomllib
 import urllib.error
 import urllib.request
 from collections.abc import Iterator, Sequence
+from datetime import UTC, datetime, timedelta
 from pathlib import Path
 from typing import Any
 
@@ -48,12 +50,12 @@ def started(words: Sequence[str], folder: Path) -> subprocess.Popen[str]:
 
 
 class Server:
-    """`retrue studio --simulated` in a folder, until it is ended."""
+    """`retrue studio --simulated`, or what else `words` say, in a folder, until it is ended."""
 
-    def __init__(self, folder: Path) -> None:
+    def __init__(self, folder: Path, words: Sequence[str] = ("--simulated",)) -> None:
         with socket.create_server(("127.0.0.1", 0)) as free:
             self.port = free.getsockname()[1]
-        words = ["studio", "--simulated", "--folder", str(folder), "--port", str(self.port)]
+        words = ["studio", *words, "--folder", str(folder), "--port", str(self.port)]
         self.process = started(words, folder.parent)
         assert self.process.stderr is not None
         found = re.search(r"open (http://\S+);", self.process.stderr.readline())
@@ -248,6 +250,44 @@ def test_the_quick_start_opens_the_studio_as_it_stands(tmp_path: Path):
         finally:
             process.send_signal(signal.SIGINT)
             process.communicate(timeout=60)
+
+
+def test_a_fleet_is_seen_from_what_its_watch_has_left(browser: Any, tmp_path: Path):
+    from playwright.sync_api import expect
+
+    for name, verdict in (("cell 1", "good"), ("cell 2", "drifted")):
+        begin = datetime(2026, 11, 27, 8, tzinfo=UTC)
+        lines = [
+            {
+                "time": (begin + timedelta(minutes=minute)).isoformat(), "event": "frame", "verdict": verdict,
+                "unit": "m", "reason": "", "drift": {"displacement": 1e-4 * minute}, "temperature": 20 + minute / 10,
+            }
+            for minute in range(30)
+        ]  # fmt: skip
+        (tmp_path / "out" / name).mkdir(parents=True)
+        (tmp_path / "out" / name / "events.jsonl").write_text("\n".join(map(json.dumps, lines)))
+    server = Server(tmp_path / "studio", ["--fleet", str(tmp_path / "out")])
+    try:
+        complaints = list[str]()
+        page = opened(browser, server.address, complaints)
+        assert page.url.endswith("/fleet")
+        expect(page.get_by_role("row")).to_have_count(3)
+        expect(page.get_by_role("row", name="cell 2")).to_contain_text("drifted")
+        said = "drift, at most 2.9 mm; 20 to 22.9 degrees"
+        expect(page.get_by_role("img").first).to_have_attribute("aria-label", said)
+        for width, height in SCREENS:
+            page.set_viewport_size({"width": width, "height": height})
+            page.screenshot(path=tmp_path / f"fleet-{width}.png")
+            assert page.evaluate("document.documentElement.scrollWidth <= innerWidth"), width
+        assert not complaints
+        assert answered(f"http://127.0.0.1:{server.port}/fleet", {}) == 401
+        assert not (tmp_path / "studio").exists()
+    finally:
+        assert server.end()[0] == 0
+    words = ["studio", "--fleet", str(tmp_path / "none")]
+    done = subprocess.run([sys.executable, "-c", CODE, *words], capture_output=True, text=True, check=False)
+    assert done.returncode == 2
+    assert f"{tmp_path / 'none'}: expected the folder of `retrue watch fleet.toml --out DIR`" in done.stderr
 
 
 def test_nobody_gets_in_without_the_token_and_a_port_in_use_is_one_sentence(tmp_path: Path):

@@ -9,6 +9,7 @@ import sys
 import threading
 import time
 import urllib.request
+from datetime import UTC, datetime, timedelta
 from http.server import BaseHTTPRequestHandler, HTTPServer
 from pathlib import Path
 from typing import Any
@@ -22,6 +23,7 @@ from retrue.geometry.transform import rotation_angle
 from retrue.watch.alarms import Alarms
 from retrue.watch.fleet import summary, watch_fleet
 from retrue.watch.fleet_file import Alarm, read_fleet
+from retrue.watch.rig_status import REMEMBERED, LastFrames, RigStatus, read_fleet_status
 from retrue.watch.status import Status, status_page
 from retrue.watch.work_pool import WorkPool
 
@@ -85,6 +87,31 @@ def test_a_fleet_goes_on_where_it_was(folder, pool):
         watch_fleet(fleet.rigs[:2], folder / "out", pool, [], threading.Event())
     for rig in ("holds", "bumped"):
         assert [event["name"] for event in events(folder, rig, "frame")] == [f"{number}.csv" for number in range(7)]
+    known = read_fleet_status(folder / "out")
+    assert [known[rig]["frames"] for rig in ("holds", "bumped")] == [7, 7]
+    assert [known[rig]["recalibrated"] for rig in ("holds", "bumped")] == [0, 1]
+    off = [millimetres for _, millimetres in known["bumped"]["drift_mm"]]
+    assert max(off[:3]) < 1 < 5 < min(off[3:6])
+    assert [kind for _, kind in known["bumped"]["changes"]] == ["bump"]
+
+
+RUBBISH_EVENTS = [
+    "", "{", "[]", "3", "\0", "[" * 5000, '{"time": 3, "event": "frame"}', '{"time": "noon", "event": "refused"}',
+    '{"time": "noon", "event": "frame", "verdict": "good", "reason": "", "drift": {"displacement": "far"}}',
+    '{"time": "2026-11-27T08:00:00+00:00", "event": "frame", "verdict": 7, "reason": null, "drift": 5}',
+    '{"time": "2026-11-27T08:00:00+00:00", "event": "frame", "verdict": "<b>", "reason": [], "drift": null}',
+]  # fmt: skip
+
+
+@pytest.mark.parametrize("state", ["", "[]", '{"format": "retrue-watch", "counts": {"frames": -1}}'])
+def test_a_log_that_was_written_by_hand_does_not_close_the_page(tmp_path, state):
+    good = {**FRAME, "time": "2026-11-27T08:00:01+00:00", "unit": "mm", "drift": {"displacement": 2.5}}
+    (tmp_path / "cell").mkdir()
+    (tmp_path / "cell" / "events.jsonl").write_text("\n".join([*RUBBISH_EVENTS, json.dumps(good), '{"time": "20']))
+    (tmp_path / "cell" / "state.json").write_text(state)
+    known = read_fleet_status(tmp_path)
+    assert known["cell"]["drift_mm"][-1][1] == 2.5
+    assert "&lt;holds&gt;" in status_page(known)
 
 
 def test_a_process_that_dies_costs_nothing(folder, pool):
@@ -104,16 +131,30 @@ FRAME = {
 }  # fmt: skip
 
 
+@pytest.mark.parametrize("frames", [0, 3, REMEMBERED, REMEMBERED + 7])
+def test_the_last_frames_are_drawn_oldest_first(frames):
+    drawn = LastFrames()
+    begin = datetime(2026, 11, 27, 8, tzinfo=UTC)
+    times = [(begin + timedelta(seconds=number)).isoformat(timespec="milliseconds") for number in range(frames)]
+    for number, at in enumerate(times):
+        drawn.append(at, None if number % 2 else float(number), 20.0 + number)
+    drift, warmth = drawn.curves()
+    kept = range(frames)[-REMEMBERED:]
+    assert drift == [[times[number], None if number % 2 else float(number)] for number in kept]
+    assert warmth == [[times[number], 20.0 + number] for number in kept]
+
+
 def test_the_status_is_served_in_millimetres():
     pytest.importorskip("prometheus_client")
     from retrue.watch.metrics import Metrics
 
     metrics = Metrics()
-    with Status({"cell <1>": "m", "cell 2": "furlong"}, 0, metrics) as status:
-        for name in status.rigs:
+    units = {"cell <1>": "m", "cell 2": "furlong"}
+    with Status({name: RigStatus() for name in units}, 0, metrics) as status:
+        for name, unit in units.items():
             for second in range(3):
                 drift = {"rotation_deg": 0.5, "translation_deg": 0.25, "displacement": 0.001 * second}
-                event = {**FRAME, "time": f"2026-11-27T08:00:0{second}+00:00", "drift": drift}
+                event = {**FRAME, "time": f"2026-11-27T08:00:0{second}+00:00", "drift": drift, "unit": unit}
                 status.observe(event, name)
                 metrics.observe(event, name)
         status.observe({"event": "failed", "reason": "unplugged", "time": "2026-11-27T08:00:05+00:00"}, "cell 2")

@@ -9,7 +9,7 @@ import signal
 import sys
 import threading
 from collections.abc import Generator, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from importlib.util import find_spec
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING, Annotated
 from tyro.conf import OmitArgPrefixes, Positional, arg
 
 from retrue.cli.command import Command, Outcome, PatternPath, RigPath, log, made_folder, require_writable
-from retrue.errors import FileError, InputError
+from retrue.errors import InputError
 from retrue.recalibration.options import VerifyOptions
 from retrue.watch.options import WatchOptions
 
@@ -111,11 +111,11 @@ class Watch(Command):
 
     def _run_fleet(self) -> Outcome:
         """Many rigs, as a file names them."""
-        from retrue.files.rigs import read_rig
         from retrue.watch.alarms import Alarms
         from retrue.watch.fleet import summary, watch_fleet
         from retrue.watch.fleet_file import read_fleet
         from retrue.watch.metrics import Metrics
+        from retrue.watch.rig_status import read_status
         from retrue.watch.status import Status
         from retrue.watch.work_pool import WorkPool
 
@@ -132,13 +132,9 @@ class Watch(Command):
             pool = stack.enter_context(WorkPool(fleet.workers or os.cpu_count() or 1))
             listeners: list[FleetListener] = [stack.enter_context(Alarms(fleet.alarm)).observe]
             if port is not None:
-                units: dict[str, str] = {}
-                for rig in fleet.rigs:
-                    with contextlib.suppress(FileError):
-                        units[rig.name] = read_rig(rig.rig).unit
                 metrics = Metrics() if find_spec("prometheus_client") else None
-                named = {rig.name: units.get(rig.name, "") for rig in fleet.rigs}
-                status = stack.enter_context(Status(named, port, metrics))
+                known = {rig.name: replace(read_status(folder / rig.name), state="starting") for rig in fleet.rigs}
+                status = stack.enter_context(Status(known, port, metrics))
                 listeners += [status.observe] if metrics is None else [status.observe, metrics.observe]
                 log(f"http://127.0.0.1:{status.port}/")
             if self.json:

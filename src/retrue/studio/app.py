@@ -1,8 +1,9 @@
-"""The studio's server, through NiceGUI: its page, and the live picture."""
+"""The studio's server, through NiceGUI: its page, the live picture, and the page of a fleet."""
 
 from __future__ import annotations
 
 import socket
+from collections.abc import Callable
 from importlib import import_module
 from typing import Any
 
@@ -14,6 +15,7 @@ from retrue.studio.page import Page
 from retrue.studio.studio import Studio
 
 HOST = "127.0.0.1"
+FRESH = {"Cache-Control": "no-store"}
 
 
 def require_nicegui() -> Any:
@@ -33,32 +35,26 @@ def require_free_port(port: int) -> None:
         raise InputError(f"cannot listen on {HOST}:{port}: {error}; choose another --port") from error
 
 
-def serve(studio: Studio, token: str, port: int) -> None:
-    """Until it is interrupted; only who has the token is let in."""
+def serve(studio: Studio | None, token: str, port: int, fleet: Callable[[], str] | None = None) -> None:
+    """Until it is interrupted; only who has the token is let in. `fleet` makes the page of a fleet, each time anew."""
     nicegui = require_nicegui()
     app, ui = nicegui.app, nicegui.ui
     responses = import_module("starlette.responses")
     app.add_middleware(Guard, token=token, port=port)
+    if fleet is not None:
 
-    @app.get("/frame.jpg")
-    def frame() -> Any:
-        look = studio.state.look
-        headers = {"Cache-Control": "no-store"}
-        if look is None:
-            return responses.Response(status_code=404, headers=headers)
-        return responses.Response(jpeg(look.picture), media_type="image/jpeg", headers=headers)
+        @app.get("/fleet")
+        def fleet_page() -> Any:
+            return responses.HTMLResponse(fleet().encode(errors="backslashreplace"), headers=FRESH)
 
-    @app.get("/space")
-    def space() -> Any:
-        page = in_space(studio.state.offer, studio.state.cloud)
-        return responses.HTMLResponse(page, headers={"Cache-Control": "no-store"})
+    if studio is None:
 
-    @ui.page("/", title="retrue studio")
-    def page() -> None:
-        Page(ui, studio)
+        @app.get("/")
+        def home() -> Any:
+            return responses.RedirectResponse("/fleet")
 
-    app.on_startup(studio.start)
-    app.on_shutdown(studio.stop)
+    else:
+        _serve_rig(studio, app, ui, fleet is not None)
     ui.run(
         host=HOST,
         port=port,
@@ -69,3 +65,27 @@ def serve(studio: Studio, token: str, port: int) -> None:
         show_welcome_message=False,
         uvicorn_logging_level="error",
     )
+
+
+def _serve_rig(studio: Studio, app: Any, ui: Any, in_fleet: bool) -> None:
+    responses = import_module("starlette.responses")
+
+    @app.get("/frame.jpg")
+    def frame() -> Any:
+        look = studio.state.look
+        if look is None:
+            return responses.Response(status_code=404, headers=FRESH)
+        return responses.Response(jpeg(look.picture), media_type="image/jpeg", headers=FRESH)
+
+    @app.get("/space")
+    def space() -> Any:
+        return responses.HTMLResponse(in_space(studio.state.offer, studio.state.cloud), headers=FRESH)
+
+    @ui.page("/", title="retrue studio")
+    def page() -> None:
+        if in_fleet:
+            ui.link("Fleet", "/fleet").classes("self-end text-lg")
+        Page(ui, studio)
+
+    app.on_startup(studio.start)
+    app.on_shutdown(studio.stop)

@@ -3,16 +3,18 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Generator, Mapping, Sequence
+from contextlib import suppress
 from datetime import UTC, datetime
 from pathlib import Path
-from typing import Any
+from typing import Any, cast
 
 from retrue.errors import FileError
 from retrue.plain_json import plain
 
 Event = Mapping[str, Any]
 Listener = Callable[[Event], None]
+TAIL = 2**20  # bytes of a log that hold its last events
 
 
 class EventLog:
@@ -45,3 +47,18 @@ class EventLog:
     def close(self) -> None:
         """No more events."""
         self._stream.close()
+
+
+def last_events(path: Path) -> Generator[Event]:
+    """Of a log, the oldest first; lines that do not read are passed over, and a log that does not read has none."""
+    try:
+        with path.open("rb") as stream:
+            stream.seek(max(0, stream.seek(0, 2) - TAIL))
+            lines = stream.read(TAIL).split(b"\n")
+    except OSError:
+        return
+    for line in lines:
+        with suppress(ValueError, RecursionError):  # the first may be cut
+            event = json.loads(line)
+            if isinstance(event, dict) and {"time", "event"} <= event.keys():
+                yield cast("dict[str, Any]", event)

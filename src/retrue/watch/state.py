@@ -14,6 +14,7 @@ from retrue.files.json_values import parse_json
 
 FORMAT = "retrue-watch"
 LARGEST_STATE = 16 * 2**20  # bytes
+NO_STATE = "expected the saved state of a watch, found none; remove it to begin anew"
 
 
 @dataclass(slots=True)
@@ -50,22 +51,30 @@ def read_state(path: Path, source: str) -> WatchState:
     if not path.exists():
         return WatchState(source)
     document = parse_json(path, read_text(path, LARGEST_STATE))
-    position, counts = document.get("position"), document.get("counts")
-    if document.get("format") != FORMAT or not isinstance(position, dict) or not isinstance(counts, dict):
-        raise FileError(path, "expected the saved state of a watch, found none; remove it to begin anew")
+    position, counts = document.get("position"), _counts(path, document)
+    if not isinstance(position, dict):
+        raise FileError(path, NO_STATE)
     if document.get("source") != source:
         return WatchState(source)
-    saved = cast(dict[str, Any], counts)
+    memory = document.get("memory")
+    known = cast("dict[str, Any]", memory) if isinstance(memory, dict) else {}
+    return WatchState(source, cast("dict[str, Any]", position), counts, known)
+
+
+def read_counts(path: Path) -> Counts:
+    """What was counted, of whatever source. Raises FileError where it does not read."""
+    return _counts(path, parse_json(path, read_text(path, LARGEST_STATE)))
+
+
+def _counts(path: Path, document: Mapping[str, Any]) -> Counts:
+    counts = document.get("counts")
+    if document.get("format") != FORMAT or not isinstance(counts, dict):
+        raise FileError(path, NO_STATE)
+    saved = cast("dict[str, Any]", counts)
     names = [item.name for item in fields(Counts)]
     if not all(type(saved.get(name)) is int and saved[name] >= 0 for name in names):
         raise FileError(path, "expected counts in the saved state of a watch; remove it to begin anew")
-    memory = document.get("memory")
-    return WatchState(
-        source,
-        cast(dict[str, Any], position),
-        Counts(*(saved[name] for name in names)),
-        cast("dict[str, Any]", memory) if isinstance(memory, dict) else {},
-    )
+    return Counts(*(saved[name] for name in names))
 
 
 def write_state(path: Path, state: WatchState) -> None:

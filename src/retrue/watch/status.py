@@ -4,9 +4,7 @@ from __future__ import annotations
 
 import json
 import threading
-from collections import deque
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
 from datetime import datetime
 from html import escape
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
@@ -14,79 +12,28 @@ from types import TracebackType
 from typing import Any
 
 from retrue.errors import InputError
-from retrue.units import METRES, millimetres_per
 from retrue.watch.events import Event
 from retrue.watch.metrics import Metrics
+from retrue.watch.rig_status import RigStatus
 
-REMEMBERED = 500  # frames of each rig that the page draws
 WIDTH, HEIGHT = 480, 90  # of a drawing, pixels
 STYLE = (
-    "body{font:15px system-ui,sans-serif;margin:2rem;max-width:70rem}table{border-collapse:collapse}"
+    "body{font:15px system-ui,sans-serif;margin:2rem;max-width:70rem}div{overflow-x:auto}"
+    "table{border-collapse:collapse}"
     "td,th{padding:.3rem .8rem;text-align:left;border-bottom:1px solid #8884}.drifted,.failed{color:#c33}"
     ".good{color:#282}svg{background:#8881}polyline{fill:none;stroke:#38c;stroke-width:1.5}.warm{stroke:#d82;stroke-width:1}line{stroke:#c33}"
     "@media(prefers-color-scheme:dark){body{background:#181818;color:#ddd}}"
 )
 
 
-@dataclass(slots=True)
-class RigStatus:
-    """What events said of one rig.
+class Status:
+    """Serves / (a page), /status.json and /metrics on a port of this machine while the block lasts.
 
-    Attributes
-    ----------
-    drift : (time, mm at the working distance; None where it could not be told) of the last frames.
-    warmth : (time, temperature; None where nobody measured) of the same.
+    `rigs` is what is known of them before; it is kept up to date.
     """
 
-    unit: str = ""
-    state: str = "starting"
-    verdict: str = ""
-    reason: str = ""
-    frames: int = 0
-    bad: int = 0
-    recalibrated: int = 0
-    refused: int = 0
-    temperature: float | None = None
-    last: str = ""
-    drift: deque[tuple[str, float | None]] = field(default_factory=lambda: deque(maxlen=REMEMBERED))
-    warmth: deque[tuple[str, float | None]] = field(default_factory=lambda: deque(maxlen=REMEMBERED))
-    changes: deque[tuple[str, str]] = field(default_factory=lambda: deque(maxlen=20))
-
-    def observe(self, event: Event) -> None:
-        """One event."""
-        self.last = event["time"]
-        match event["event"]:
-            case "frame":
-                self.state, self.verdict, self.reason = "watching", event["verdict"], event["reason"]
-                self.frames += 1
-                self.temperature = event.get("temperature")
-                self.drift.append((event["time"], self._millimetres(event)))
-                self.warmth.append((event["time"], self.temperature))
-            case "bad frame":
-                self.frames, self.bad, self.reason = self.frames + 1, self.bad + 1, event["reason"]
-            case "recalibrated":
-                self.recalibrated += 1
-                self.changes.append((event["time"], event["kind"]))
-            case "refused":
-                self.refused, self.reason = self.refused + 1, event["reason"]
-            case "failed":
-                self.state, self.reason = "failed", event["reason"]
-            case "stopped":
-                self.state = "stopped" if self.state != "failed" else "failed"
-            case _:
-                pass
-
-    def _millimetres(self, event: Event) -> float | None:
-        off = None if event["drift"] is None else event["drift"].get("displacement")
-        known = self.unit.strip().lower() in METRES
-        return off * millimetres_per(self.unit) if off is not None and known else None
-
-
-class Status:
-    """Serves / (a page), /status.json and /metrics on a port of this machine while the block lasts."""
-
-    def __init__(self, units: Mapping[str, str], port: int, metrics: Metrics | None) -> None:
-        self.rigs = {name: RigStatus(unit) for name, unit in units.items()}
+    def __init__(self, rigs: Mapping[str, RigStatus], port: int, metrics: Metrics | None) -> None:
+        self.rigs = rigs
         self._metrics = metrics
         self._lock = threading.Lock()
         try:
@@ -119,23 +66,7 @@ class Status:
     def document(self) -> dict[str, Any]:
         """All of it, as plain JSON values."""
         with self._lock:
-            return {
-                name: {
-                    "state": rig.state,
-                    "verdict": rig.verdict,
-                    "reason": rig.reason,
-                    "frames": rig.frames,
-                    "bad": rig.bad,
-                    "recalibrated": rig.recalibrated,
-                    "refused": rig.refused,
-                    "temperature": rig.temperature,
-                    "last": rig.last,
-                    "drift_mm": [list(point) for point in rig.drift],
-                    "temperatures": [list(point) for point in rig.warmth],
-                    "changes": [list(change) for change in rig.changes],
-                }
-                for name, rig in self.rigs.items()
-            }
+            return {name: rig.document() for name, rig in self.rigs.items()}
 
     def _answer(self, path: str) -> tuple[bytes, str] | None:
         if path == "/":
@@ -172,9 +103,10 @@ def status_page(document: Mapping[str, Mapping[str, Any]]) -> str:
     rows = "".join(_row(name, rig) for name, rig in document.items())
     head = "".join(f"<th>{name}</th>" for name in ("rig", "state", "frames", "new rigs", "last frame", "drift, mm"))
     return (
-        '<!doctype html><html lang="en"><meta charset="utf-8"><meta http-equiv="refresh" content="10">'
+        '<!doctype html><html lang="en"><meta charset="utf-8"><meta name="viewport" content="width=device-width">'
+        '<meta http-equiv="refresh" content="10">'
         f"<title>retrue: {len(document)} rigs</title><style>{STYLE}</style><h1>{len(document)} rigs</h1>"
-        f"<table><thead><tr>{head}</tr></thead><tbody>{rows}</tbody></table></html>"
+        f"<div><table><thead><tr>{head}</tr></thead><tbody>{rows}</tbody></table></div></html>"
     )
 
 

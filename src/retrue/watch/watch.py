@@ -131,7 +131,9 @@ class Watch:
             cloud = None if suspect else self._cloud(rig, points, frame.name, seconds)
             warm = last_reading(self.temperature) if frame.temperature is None else frame.temperature
             beside = {"creep": creep_values(memory.creep), "temperature": warm}
-            self._write("frame", frame, **_verification_values(found), **beside, cloud=cloud, seconds=seconds)
+            self._write(
+                "frame", frame, **_verification_values(found), unit=rig.unit, **beside, cloud=cloud, seconds=seconds
+            )
             if is_due(memory.streak, self.options):
                 self._recalibrate(rig)
             elif self._creep_is_due():
