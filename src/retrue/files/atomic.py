@@ -11,7 +11,7 @@ from typing import BinaryIO
 
 from retrue.errors import FileError
 
-CHUNK = 2**22  # bytes at a time, so that memory is taken only for what is there
+CHUNK, PIPE = 2**22, 2**16  # bytes at a time: at most, and of what does not say how much it holds
 
 
 @contextmanager
@@ -88,7 +88,8 @@ def read_bytes(path: str | Path, limit: int) -> bytes:
             size = os.fstat(stream.fileno()).st_size  # 0 of what is no file
             if size > limit:
                 raise FileError(path, f"expected at most {limit} bytes, found {size}; is this the right file?")
-            while found <= limit and (chunk := stream.read(CHUNK)):
+            room = max(PIPE, size + 1)  # read() takes it all, however little comes
+            while found <= limit and (chunk := stream.read(min(CHUNK, room))):
                 chunks.append(chunk)
                 found += len(chunk)
     except FileError:
