@@ -198,7 +198,7 @@ def _planes(rig: Rig, points: Correspondences, rng: np.random.Generator) -> list
     """The points of each plane of a capture, the largest first."""
     options = RecalibrateOptions()
     rays = rays_of_captures(rig, [points], options.max_points, rng)
-    rays, homographies = with_planes(rays, float(rig.projector.K[0, 0]), options, rng)
+    rays, homographies = with_planes(rays, rig, options, rng)
     return [points.select(rays.row[rays.points.plane_index == index]) for index in range(len(homographies))]
 
 

@@ -85,7 +85,7 @@ def _undistorted(rig: Rig, points: Correspondences) -> Correspondences:
 def _largest_plane(rig: Rig, points: Correspondences, rng: np.random.Generator) -> Correspondences:
     options = RecalibrateOptions()
     rays = rays_of_captures(rig, [points], options.max_points, rng)
-    rays, _ = with_planes(rays, float(rig.projector.K[0, 0]), options, rng)
+    rays, _ = with_planes(rays, rig, options, rng)
     return points.select(rays.row[rays.points.plane_index == 0])
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 
@@ -34,6 +35,7 @@ from retrue.recalibration.posterior import (
 from retrue.recalibration.rays import Rays
 from retrue.recalibration.reasons import PointsNotSpread, TooFewPoints, Undecidable
 from retrue.recalibration.result import sigma_at, working_distance
+from retrue.rig import Rig
 
 PLANARITY_PX = 0.25  # how far a real board or wall is off a plane, at least, in projector pixels
 GATHERED_POINTS = 500  # enough to bring a start near
@@ -71,15 +73,20 @@ def _spread(points: FloatArray) -> tuple[float, float]:
 
 def with_planes(
     rays: Rays,
-    projector_focal_px: float,
+    rig: Rig,
     options: RecalibrateOptions,
     rng: np.random.Generator,
     turned: BoolArray | None = None,
 ) -> tuple[Rays, list[FloatArray]]:
     """Split the planes off each capture; indices run on from one capture to the next, largest first within each.
 
-    Rows (N,) that are `turned`, as a mirror shows them, lie on none.
+    Rows (N,) that are `turned`, as a mirror shows them, lie on none. The noise about a plane is of both devices: one
+    pixel of the camera is, from afar, f_projector / f_camera of the projector. Where neighbours do not tell it, and
+    none is found at the least that it may be, the most is tried.
     """
+    camera_focal_px, projector_focal_px = float(rig.camera.K[0, 0]), float(rig.projector.K[0, 0])
+    loudest_px = options.max_noise_px * float(np.hypot(1, projector_focal_px / camera_focal_px))
+    limits: dict[str, Any] = {"min_points": options.min_points, "max_planes": options.max_planes, "rng": rng}
     plane_index = np.full(len(rays), FREE)
     homographies: list[FloatArray] = []
     points = rays.points
@@ -89,9 +96,10 @@ def with_planes(
         if len(mine) < options.min_points:
             continue
         x, y = points.camera_rays[mine], points.projector_rays[mine]
-        noise = np.clip(2 * local_noise(x, y, rng) * projector_focal_px, PLANARITY_PX, options.max_noise_px)
-        noise = float(noise) / projector_focal_px
-        found, index = split_planes(x, y, noise, min_points=options.min_points, max_planes=options.max_planes, rng=rng)
+        told_px = max(2 * local_noise(x, y, rng) * projector_focal_px, PLANARITY_PX)
+        found, index = split_planes(x, y, min(told_px, options.max_noise_px) / projector_focal_px, **limits)
+        if not found and told_px > options.max_noise_px:
+            found, index = split_planes(x, y, min(told_px, loudest_px) / projector_focal_px, **limits)
         plane_index[mine] = np.where(index == FREE, FREE, index + len(homographies))
         homographies += found
     return replace(rays, points=replace(points, plane_index=plane_index)), homographies
@@ -330,10 +338,14 @@ def _explains_more(alone: Posterior, posterior: Posterior) -> bool:
 
 
 def quieter(alone: Posterior, posterior: Posterior) -> bool:
-    """Whether noise across the epipolar lines is less by more than a pose makes it that is free to follow errors."""
+    """Whether noise across the epipolar lines is less by more than a pose makes it that is free to follow errors.
+
+    What the other asks of lenses and planes to be as quiet as it is, counts with it.
+    """
     noise, explained = alone.fit.epipolar_noise, alone.fit.explained
     worth = float((noise.level**2 / noise.variance[explained]).sum())
-    return 2 * worth * float(np.log(posterior.fit.epipolar_noise.level / noise.level)) > MISLED
+    gained = 2 * worth * float(np.log(posterior.fit.epipolar_noise.level / noise.level))
+    return gained + posterior.prior_cost - alone.prior_cost > MISLED
 
 
 def much_quieter(alone: Posterior, posterior: Posterior) -> bool:

@@ -149,7 +149,7 @@ def judge(rig: Rig, captures: Sequence[Correspondences], options: RecalibrateOpt
     turned = np.zeros(len(rays), dtype=np.bool_)
     if np.count_nonzero(turned_over(few.points, neighbours, noise)) > max(FEWEST_OF_A_PART, LEAST_TURNED * len(few)):
         turned = turned_over(rays.points, nearest_points(rays), noise)
-    rays, homographies = with_planes(rays, float(rig.projector.K[0, 0]), options, rng, turned)
+    rays, homographies = with_planes(rays, rig, options, rng, turned)
     few = rays.select(~turned).thinned(COMPARED_POINTS, rng)
     neighbours, old = nearest_points(few), own_pose(rig)
     fits = refined_poses(starting_poses(few.points, homographies, old, noise, rng), Support.of(few), rng)

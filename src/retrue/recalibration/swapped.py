@@ -20,8 +20,9 @@ from retrue.recalibration.rivals import UNEXPLAINED, move_deg
 from retrue.rig import Rig
 
 FAR_MOVE_DEG = 15.0
-NEARER = 3.0  # times, than the answer is to the old pose
+NEARER = 3.0  # times, than the answer is to the old pose, where points tell the two not apart
 AS_WELL = 0.8  # of chi-square, each point: noise that is half as large again
+BETTER = 0.3  # of chi-square, each point: more than what no model holds
 ASKED_POINTS = 800
 
 
@@ -48,15 +49,19 @@ def move_if_exchanged(
     rng = np.random.default_rng(options.seed)
     try:
         rays = rays_of_captures(rig, [exchanged(capture) for capture in captures], ASKED_POINTS, rng)
-        rays, homographies = with_planes(rays, float(rig.projector.K[0, 0]), options, rng)
+        rays, homographies = with_planes(rays, rig, options, rng)
         starts = starting_poses(rays.points, homographies, old, match_noise(rays.points, rng), rng)
         fits = refined_poses(starts, Support.of(rays), rng)
     except DegenerateError:
         return None
     least = min(fit.epipolar_noise.level for fit in (answer.fit, *fits))
-    at_most = _mean_cost(answer.fit, least) + AS_WELL
-    nearest = min((move_deg(fit.pose, old) for fit in fits if _mean_cost(fit, least) < at_most), default=np.inf)
-    return float(nearest) if nearest * NEARER < moved else None
+    own = _mean_cost(answer.fit, least)
+    nearest = np.inf
+    for fit in fits:
+        cost, near = _mean_cost(fit, least), move_deg(fit.pose, old)
+        if (near < moved and cost < own - BETTER) or (near * NEARER < moved and cost < own + AS_WELL):
+            nearest = min(nearest, near)
+    return float(nearest) if nearest < moved else None
 
 
 def _mean_cost(fit: PoseFit, least: float) -> float:
