@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -62,6 +62,10 @@ class Support:
         """Number the blocks over the points of each capture, and over those of each plane."""
         x, plane = rays.points.camera_rays, rays.points.plane_index
         return cls(rays.points, np.stack([grid_blocks(x, rays.capture, BLOCKS), grid_blocks(x, plane, BLOCKS)]))
+
+    def each_alone(self) -> Support:
+        """The same with a block for each point: none shares its error."""
+        return replace(self, blocks=np.where(self.blocks < 0, -1, np.arange(len(self.points))))
 
 
 @dataclass(frozen=True, eq=False)

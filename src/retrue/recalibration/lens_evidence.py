@@ -64,18 +64,20 @@ def lens_evidence(
 ) -> LensEvidence:
     """Fit again with free lenses where that could gain something; else what it would say is at hand."""
     real = replace(measured, misfit=MISFIT_PX)
-    seen = posterior_at(real, best.parameters, best.prior)
-    pull, told = _believable(seen.lens_pull, seen.lens_information, wide)
+    alone = replace(measured, support=measured.support.each_alone())
+    pull, told, gain = _asked(posterior_at(real, best.parameters, best.prior), tight, wide)
     covariance = _with_prior(told, wide)
     change = covariance @ pull
-    gain = float(pull @ change - pull @ _with_prior(told, tight) @ pull)
     noise, moved = best.fit.epipolar_noise, move_deg(best.pose, old)
     quiet = min(plane_levels(measured), default=np.inf)
     elsewhere = not (noise.level < min(LOUD * quiet, 1.0) and noise.shared < max(0.5 * noise.level, MISFIT_PX))
     elsewhere = elsewhere or best.measured.aside is not None  # what was set aside may be right, through other lenses
     posterior, others = None, ()
-    if gain > DOUBTFUL_GAIN or elsewhere or moved > FAR_MOVE_DEG:
+    slow = _asked(posterior_at(alone, best.parameters, best.prior), tight, wide)[2] > CHANGED_GAIN
+    if gain > DOUBTFUL_GAIN or elsewhere or slow or moved > FAR_MOVE_DEG:
         starts = [(best.parameters, 30)]
+        if not len(best.pose.planes) or slow:  # what lenses do to a pose, looks like an error that neighbours share
+            starts.append((fit_posterior(alone, best.parameters, Prior(wide, free=True), 30).parameters, 30))
         if elsewhere or moved > FAR_MOVE_DEG:  # through other lenses, another pose may be it
             for lens, pose in scaled_starts(measured.support.points, homographies, 3):
                 starts.append((Parameters.of(pose, lens), 25))
@@ -100,6 +102,13 @@ def lens_evidence(
     asked = left @ pull  # lenses that stay are off by what the points ask for, too
     kept = left + np.outer(asked, asked)
     return LensEvidence(verdict, change, sigma, gain, prior, kept, posterior, others)
+
+
+def _asked(seen: Posterior, tight: LensPrior, wide: LensPrior) -> tuple[FloatArray, FloatArray, float]:
+    """The pull (8,) of the points on the lenses, their information (8, 8), and the chi-square that following gains."""
+    pull, told = _believable(seen.lens_pull, seen.lens_information, wide)
+    gain = float(pull @ _with_prior(told, wide) @ pull - pull @ _with_prior(told, tight) @ pull)
+    return pull, told, gain
 
 
 def _believable(pull: FloatArray, told: FloatArray, wide: LensPrior) -> tuple[FloatArray, FloatArray]:
