@@ -11,6 +11,9 @@ from retrue.correspondences import Correspondences
 from retrue.geometry.camera import Camera
 from retrue.geometry.transform import direction_angle, rotation_angle
 from retrue.recalibration import reasons
+from retrue.recalibration.candidates import with_planes
+from retrue.recalibration.options import RecalibrateOptions
+from retrue.recalibration.rays import rays_of_captures
 from retrue.recalibration.recalibrate import recalibrate
 from retrue.recalibration.result import Accepted, Refused
 from retrue.recalibration.swapped import exchanged
@@ -79,3 +82,28 @@ def test_exchanged_devices_are_named_where_a_part_fits_better_as_it_is() -> None
     result = recalibrate(rig, [backwards])
     assert isinstance(result, Refused)
     assert isinstance(result.cause, reasons.DevicesExchanged), result.reason
+
+
+@pytest.mark.parametrize("seed", [1, 2, 3])
+def test_a_plane_is_as_loud_as_the_coarser_device_makes_it(seed: int) -> None:
+    """A pixel of the camera is six of the projector, and half of the matches are wrong."""
+    coarse = Camera((640, 480), [[400, 0, 319.5], [0, 400, 239.5], [0, 0, 1]])
+    fine = Camera((1024, 768), [[2400, 0, 511.5], [0, 2400, 383.5], [0, 0, 1]])
+    rig, options = Rig(coarse, fine, POSE, "m"), RecalibrateOptions()
+    seen = capture(Scene(planes=[WALL]), rig=rig, noise=0.45, outliers=0.48, seed=seed, grid=(26, 20))
+    rng = np.random.default_rng(0)
+    rays, homographies = with_planes(rays_of_captures(rig, [seen], options.max_points, rng), rig, options, rng)
+    assert len(homographies) == 1
+    assert np.count_nonzero(rays.points.plane_index == 0) > 0.95 * 0.52 * len(seen)
+
+
+@pytest.mark.parametrize("longer", [-0.15, -0.1, 0.1])
+def test_another_lens_is_told_from_a_slow_error(longer: float) -> None:
+    """Through it a ball leaves what looks like an error that neighbours share."""
+    K = CAMERA.K.copy()
+    K[[0, 1], [0, 1]] *= 1 + longer
+    told = replace(bumped(RIG, [1, 2, 0], [0, 2, 0]), camera=Camera(CAMERA.size, K, CAMERA.distortion))
+    result = recalibrate(told, [capture(BALL, noise=0.05, area=(0.1, 0.9, 0.1, 0.9))])
+    assert isinstance(result, Refused)
+    assert isinstance(result.cause, reasons.LensChanged), result.reason
+    assert result.cause.what == "focal length"

@@ -40,6 +40,7 @@ from retrue.rig import Rig
 PLANARITY_PX = 0.25  # how far a real board or wall is off a plane, at least, in projector pixels
 GATHERED_POINTS = 500  # enough to bring a start near
 STARTING_PLANES = 3
+FOREMOST = 4  # hypotheses that are fitted with their lenses; the others explain much less
 MOST_BOW = 3.5  # of the usual bow of a wall
 MOST_SCATTER, SCATTER_PX = 4.0, 1.0  # along the epipolar line, of the noise across it, and at least
 FEWEST_ELSEWHERE = 12  # points off a plane, below which it is all that tells the pose
@@ -217,6 +218,17 @@ def refined_poses(starts: list[TwoViewPose], support: Support, rng: np.random.Ge
     if not fits:
         raise DegenerateError("pose: the points do not determine it; show more of a scene, or have a plane in view")
     return fits
+
+
+def foremost(fits: list[PoseFit], points: TwoViewPoints) -> list[PoseFit]:
+    """The few that explain the most points."""
+    level = min(fit.epipolar_noise.level for fit in fits)
+
+    def unexplained(fit: PoseFit) -> int:
+        wrong = ~(np.abs(fit.found.epipolar) < CUTOFF * level)
+        return int(np.count_nonzero(wrong | behind(fit.pose, points, level)))
+
+    return sorted(fits, key=unexplained)[:FOREMOST]
 
 
 def curved_planes(posterior: Posterior) -> BoolArray:

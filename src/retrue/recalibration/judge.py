@@ -10,16 +10,15 @@ import numpy as np
 from retrue.correspondences import Correspondences
 from retrue.errors import DegenerateError, InputError
 from retrue.geometry.arrays import BoolArray, FloatArray, IntArray, finite_array
-from retrue.geometry.robust import CUTOFF
-from retrue.geometry.transform import RigidTransform, direction_angle, rotation_angle
-from retrue.geometry.two_view import POSE_PARAMETERS, TwoViewPoints, TwoViewPose
+from retrue.geometry.transform import direction_angle, rotation_angle
+from retrue.geometry.two_view import POSE_PARAMETERS, TwoViewPose
 from retrue.recalibration.bows import bow_shapes, measured_scale
 from retrue.recalibration.candidates import (
     MOST,
-    behind,
     better_without_planes,
     check_spread,
     curved_planes,
+    foremost,
     match_noise,
     misleading_plane,
     much_quieter,
@@ -31,9 +30,10 @@ from retrue.recalibration.candidates import (
     with_planes,
 )
 from retrue.recalibration.chance import deviations_limit
-from retrue.recalibration.fit import PoseFit, Support, squared_sigmas
+from retrue.recalibration.fit import Support, squared_sigmas
 from retrue.recalibration.lens import LENS_NAMES, LENS_PARAMETERS, stated_prior, wide_prior
 from retrue.recalibration.lens_evidence import LensEvidence, lens_evidence
+from retrue.recalibration.near_rivals import allowed_error, near_rivals, spread
 from retrue.recalibration.options import RecalibrateOptions
 from retrue.recalibration.parts import (
     FEWEST_OF_A_PART,
@@ -89,12 +89,10 @@ from retrue.recalibration.swapped import move_if_exchanged
 from retrue.recalibration.together import pose_with_lenses
 from retrue.recalibration.turned import turned_over
 from retrue.rig import Rig
-from retrue.rig_difference import pixel_displacement
 
 COMPARED_POINTS = 1500  # enough to tell hypotheses apart; the best is then fitted to all
 LEAST_LEFT = 0.05  # of the points, as many as a plane holds at least
 LEAST_TURNED = 0.03  # of the points; wrong matches turn a few over, too
-HYPOTHESES = 4  # fitted with their lenses; the others explain much less
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -107,6 +105,8 @@ class Judgement:
     answer : the best hypothesis, fitted to all points.
     compared : the same on the points that hypotheses were compared on.
     rivals : the others.
+    near : those of them that are not beaten, and so near that they only make the answer less sure.
+    covariance : (5, 5) of the answer's pose, these counted.
     lens : what the points say of the lenses.
     outside : (N,) points that the answer does not explain.
     other_part : those of them that share another pose.
@@ -120,6 +120,8 @@ class Judgement:
     answer: Posterior
     compared: Posterior
     rivals: tuple[Rival, ...]
+    near: tuple[Rival, ...]
+    covariance: FloatArray
     lens: LensEvidence
     outside: BoolArray
     other_part: Part | None
@@ -130,9 +132,10 @@ class Judgement:
     @property
     def resolved_by(self) -> str:
         """What speaks for the answer, against the strongest rival."""
-        if not self.rivals:
+        others = [rival for rival in self.rivals if rival not in self.near]
+        if not others:
             return "no other pose explains the points"
-        rival = min(self.rivals, key=lambda one: one.margin)
+        rival = min(others, key=lambda one: one.margin)
         said = {"points": rival.points, "light": rival.light, "the old pose": rival.move}
         ranked = sorted((item for item in said.items() if item[1] >= 1), key=lambda item: -item[1])
         parts = ", ".join(f"{name} {nats:.0f}" for name, nats in ranked)
@@ -156,7 +159,7 @@ def judge(rig: Rig, captures: Sequence[Correspondences], options: RecalibrateOpt
     tight = stated_prior(rig, options.focal_sigma, options.principal_point_sigma_px, options.k1_sigma)
     wide = wide_prior(rig, tight)
     prior = Prior(wide, free=True) if options.lens == "may-have-changed" else Prior(tight)
-    starts = [Parameters.of(fit.pose) for fit in _foremost(fits, few.points)]
+    starts = [Parameters.of(fit.pose) for fit in foremost(fits, few.points)]
     photographs = all(capture.card is not None and capture.card.counted == "features" for capture in captures)
     light = light_of(rig, captures, few)
     while True:
@@ -190,7 +193,7 @@ def judge(rig: Rig, captures: Sequence[Correspondences], options: RecalibrateOpt
         starts += [Parameters.of(fit.pose) for fit in free]
         # Those poses were of planes that are none, and what is curved often leaves two that differ by little.
         fits = refined_poses(starting_poses(few.points, homographies, old, noise, rng), Support.of(few), rng)
-        starts += [Parameters.of(fit.pose) for fit in _foremost(fits, few.points)]
+        starts += [Parameters.of(fit.pose) for fit in foremost(fits, few.points)]
     start = best.parameters
     if lens.verdict == "changed" and options.lens == "refit" and lens.posterior is not None:
         best, rivals = ranked([lens.posterior, *lens.others], measured, few, light, old, asides, rng)
@@ -232,7 +235,11 @@ def judge(rig: Rig, captures: Sequence[Correspondences], options: RecalibrateOpt
     exchanged = None if nearer is None else (move_deg(answer.pose, old), nearer)
     differing = differing_capture(whole, rays, answer)
     loudest = loudest_px(captures, options.max_noise_px) if photographs else options.max_noise_px
-    return Judgement(rays, whole, answer, best, rivals, lens, outside, part, differing, exchanged, loudest)
+    near = tuple(near_rivals(answer, rivals, rig, options))
+    covariance = answer.covariance + spread(answer, near)
+    return Judgement(
+        rays, whole, answer, best, rivals, near, covariance, lens, outside, part, differing, exchanged, loudest
+    )
 
 
 def _apart(
@@ -305,7 +312,8 @@ def objection(
     other = 0.0 if part is None or part.name == IN_A_MIRROR else part.count / len(judgement.outside)
     if not other <= LARGEST_OTHER_PART * share:  # what a mirror shows is of no direct pose
         return PartsContradict(share, other)
-    rival = min(judgement.rivals, key=lambda one: one.margin, default=None)
+    far = [rival for rival in judgement.rivals if rival not in judgement.near]
+    rival = min(far, key=lambda one: one.margin, default=None)
     if rival is not None and not rival.margin >= options.min_margin:
         pose, other = judgement.answer.pose, rival.posterior.pose
         apart = np.degrees([rotation_angle(pose.R @ other.R.T), direction_angle(pose.t, other.t)])
@@ -315,10 +323,7 @@ def objection(
     if not np.isfinite(sigma.displacement):
         return PoseUndetermined("pose: seen from it, the pictures share no points at the working distance; show more")
     error = sigma.displacement / distance
-    rig, pose = judgement.measured.rig, judgement.answer.pose
-    length = float(np.linalg.norm(rig.projector_from_camera.t))
-    found = replace(rig, projector_from_camera=RigidTransform(pose.R, pose.t * length))
-    allowed = max(options.max_error, pixel_displacement(found, distance) / distance)
+    allowed = allowed_error(judgement.measured.rig, judgement.answer.pose, distance, options)
     if not error <= allowed:
         return Imprecise(sigma.rotation_deg, sigma.translation_deg, error, allowed)
     return None
@@ -387,14 +392,3 @@ def _measured(
     return Measured(
         rig, camera_px, projector_px, Support.of(rays), shapes, flatness, neighbours, 0.0, missed, textured=textured
     )
-
-
-def _foremost(fits: list[PoseFit], points: TwoViewPoints) -> list[PoseFit]:
-    """The few that explain the most points."""
-    level = min(fit.epipolar_noise.level for fit in fits)
-
-    def unexplained(fit: PoseFit) -> int:
-        wrong = ~(np.abs(fit.found.epipolar) < CUTOFF * level)
-        return int(np.count_nonzero(wrong | behind(fit.pose, points, level)))
-
-    return sorted(fits, key=unexplained)[:HYPOTHESES]

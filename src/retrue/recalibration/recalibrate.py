@@ -91,7 +91,7 @@ def _evidence(rig: Rig, judgement: Judgement, total: int, options: RecalibrateOp
     ]
     found = candidates[0].projector_from_camera
     distance = working_distance(fit, answer.points, length)
-    covariance = answer.covariance
+    covariance = judgement.covariance
     lens = judgement.lens
     return Evidence(
         correspondences=total,
@@ -106,7 +106,7 @@ def _evidence(rig: Rig, judgement: Judgement, total: int, options: RecalibrateOp
         rivals=tuple(RivalReport(r.name, r.margin, r.points, r.light, r.move) for r in judgement.rivals),
         details={
             "covariance": covariance.tolist(),
-            "rig_covariance": _rig_covariance(answer.joint_covariance, rig, options).tolist(),
+            "rig_covariance": _rig_covariance(judgement, rig, options).tolist(),
             "covariance_statistical": answer.statistical_covariance.tolist(),
             "sigma_statistical": _angles(sigma(answer.statistical_covariance)),
             "points_used": len(judgement.rays),
@@ -120,11 +120,13 @@ def _evidence(rig: Rig, judgement: Judgement, total: int, options: RecalibrateOp
     )
 
 
-def _rig_covariance(joint: FloatArray, rig: Rig, options: RecalibrateOptions) -> FloatArray:
+def _rig_covariance(judgement: Judgement, rig: Rig, options: RecalibrateOptions) -> FloatArray:
     """(14, 14) as a calibration writes it: of the pose (5), log |t| as the rig had it, and the lenses (8).
 
     A known distance in the scene is taken for exact.
     """
+    joint = judgement.answer.joint_covariance.copy()
+    joint[:5, :5] += judgement.covariance - judgement.answer.covariance
     whole = np.insert(np.insert(joint, 5, 0.0, axis=0), 5, 0.0, axis=1)
     if options.known_distance is None:
         before = rig.evidence.get("rig_covariance")

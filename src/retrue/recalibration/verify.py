@@ -79,7 +79,7 @@ def _verified(rig: Rig, judgement: Judgement, total: int, options: VerifyOptions
     supported = RigidTransform(answer.pose.R, answer.pose.t * length)
     depth = working_distance(answer.fit, answer.points, length)
     found = change(rig, supported, depth)
-    uncertainty = sigma_at(depth, answer.covariance, answer.pose, rig)
+    uncertainty = sigma_at(depth, judgement.covariance, answer.pose, rig)
     epipolar_rms = rms(epipolar_residuals(pose, judgement.measured.support.points)[~judgement.outside])
 
     def verdict(
@@ -97,7 +97,7 @@ def _verified(rig: Rig, judgement: Judgement, total: int, options: VerifyOptions
             cause=says if isinstance(says, Reason) else None,
             supported_pose=supported,
             band=band or BANDS[word],
-            covariance=answer.covariance,
+            covariance=judgement.covariance,
             statistical_covariance=answer.statistical_covariance,
         )
 
