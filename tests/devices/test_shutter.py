@@ -28,6 +28,17 @@ def test_readout_exposure_and_gamma_are_those_of_the_camera(gamma):
     assert shutter.gamma == pytest.approx(gamma, abs=0.15)
 
 
+def test_what_two_phases_do_not_tell_is_as_the_camera_says():
+    """Changes of a screen at 60 Hz fall at two places of a frame at 30; here they leave only readout / exposure."""
+    period, exposure = 1 / 30, 0.376 / 30
+    rig = small_rig(readout=0.649, exposure_ms=1000 * exposure, bright_ms=12.5)
+    recorder = Recorder(Witness(rig), rig.projector)
+    recorder.record(GRAY[:4])
+    assert recorder.shutter is not None
+    assert recorder.shutter.exposure == pytest.approx(exposure, abs=0.01 * period)
+    assert recorder.shutter.readout == pytest.approx(0.649 * period, abs=0.01 * period)
+
+
 def test_what_no_shutter_explains_has_none():
     rig = small_rig()
     recorder = Recorder(Witness(rig), rig.projector)
