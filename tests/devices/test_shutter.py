@@ -52,13 +52,13 @@ def test_what_no_shutter_explains_has_none():
     assert fit_shutter([], probes, 0.1) is None
 
 
-def numbered(lost: set[int], arrivals: np.ndarray, spread: float) -> tuple[list[int], list[int]]:
+def numbered(lost: set[int], arrivals: np.ndarray) -> tuple[list[int], list[int]]:
     """True numbers of frames of random pictures, and those that they are given."""
     rig = small_rig()
     recorder = Recorder(Witness(rig), rig.projector)
     recorder.measure()
     assert recorder.references is not None
-    probes, shutter = find_probes(recorder.references), Shutter(0.0, 1.0, 0.94, 0.84, spread=spread)
+    probes, shutter = find_probes(recorder.references), Shutter(0.0, 1.0, 0.94, 0.84)
     random, shows = np.random.default_rng(1), Shows()
     for at in np.arange(4.0, 40, 2):
         shows.add(float(at))
@@ -81,5 +81,5 @@ def numbered(lost: set[int], arrivals: np.ndarray, spread: float) -> tuple[list[
 def test_frames_are_numbered_by_what_is_in_them(late):
     random = np.random.default_rng(late)
     arrivals = np.maximum.accumulate(np.arange(40) + 1.3 + random.integers(0, late + 1, 40))
-    true, found = numbered({9, 17, 18, 30}, arrivals, max(0.1, late / 2))
+    true, found = numbered({9, 17, 18, 30}, arrivals)
     assert found[4:-1] == true[4:-1]  # before the first change, and after the last one, nothing tells

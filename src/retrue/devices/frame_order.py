@@ -2,8 +2,9 @@
 
 What was shown when, and the shutter, say how much of each picture is in each row of exposure n. A frame that is taken
 for that exposure must be that mixture of what the frames before it tell of these pictures, of which nothing else is
-known: per band a linear model with normal priors, whose likelihood a Kalman filter gives frame by frame. All numberings
-that are worth it are followed side by side; of those that know the same of what is to come, the best (Viterbi).
+known: per band a linear model with normal priors, whose likelihood a Kalman filter gives frame by frame. How late
+frames come is learned on the way (a Polya urn). All numberings that are worth it are followed side by side; of those
+that know the same of what is to come, the best (Viterbi).
 
 A frame that holds a new picture is unlikely whatever it looks like, as nobody could know it. The numbering that is
 right pays for the picture when it comes; one that takes the frame for a mixture with the picture before pays a frame
@@ -12,6 +13,7 @@ later. So one is given up only where the best also beats it in what frames are o
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
@@ -27,8 +29,7 @@ KNOWN = 0.05  # sigma of one that is
 INDEPENDENT = 3.0  # of the pixels of a band: neighbours tell the same
 LOST = 3.0  # nats that each lost frame costs
 UNUSUAL = 0.5  # nats for each frame by which all come later, or sooner, than they did
-LATER = 8.0  # nats for each frame by which one comes later, or sooner, than any did
-FAR = 300.0  # nats, at most, that a frame costs by its time of arrival
+OTHER_LAG = 2.0  # frames that come as none did, to be counted with those that are told by how late they came
 WORTH = 40.0  # nats behind the best numbering, up to which others are followed
 MOST_ALIVE = 64  # of them
 SURE = 15.0  # nats by which a numbering must beat any other one
@@ -104,6 +105,11 @@ class Placed:
         place = show - self.first
         return Looks(self.mean[:, place], np.maximum(self.covariance[:, place, place], KNOWN**2))
 
+    def is_touched(self, show: int) -> bool:
+        """Whether the frame holds some of that."""
+        place = show - self.first
+        return 0 <= place < self.shares.shape[1] and bool((self.shares[:, place] > TOUCHED).any())
+
     def is_alone(self, show: int) -> bool:
         """Whether the frame holds nothing but that, as far as it tells."""
         place = show - self.first
@@ -118,13 +124,13 @@ class _Numbering:
     ----------
     score : log likelihood. `fit` : what it would be, had the pictures been known.
     last : the last frame.
-    lags : least and most from the begin of a frame to its arrival, in periods.
+    lags : how many frames came so many periods late, the usual least lag apart.
     """
 
     score: float
     fit: float
     last: Placed
-    lags: tuple[float, float]
+    lags: Mapping[int, int]
 
     def state(self) -> tuple[int, int, bytes]:
         """Where it is, and how well it knows the pictures there: what comes depends on nothing else before."""
@@ -139,6 +145,7 @@ class FrameOrder:
     def __init__(self, shutter: Shutter, probes: Probes, shows: Shows, noise: float, max_lag: int) -> None:
         self.shutter, self.probes, self.shows = shutter, probes, shows
         self._variance, self._max_lag = SIGMA**2 + noise**2, max_lag
+        self._lags = Counter(self._late(lag) for lag in shutter.lags)
         self._alive: list[_Numbering] = []
         self._arrived = 0.0
         self._count = 0
@@ -157,6 +164,11 @@ class FrameOrder:
             behind = min(score - one.score, fit - one.fit)
             found |= {index for index, nats in one.last.doubts.items() if nats + behind < SURE}
         return frozenset(found)
+
+    @property
+    def undecided(self) -> frozenset[int]:
+        """Those of them that what comes may decide: of the others it tells nothing."""
+        return self.doubtful - self._alive[0].last.doubts.keys()
 
     def settled(self) -> tuple[Placed | None, int]:
         """The last frame that all numberings which are still followed share; and where the next one is at least."""
@@ -185,8 +197,8 @@ class FrameOrder:
             gap = (arrival - self._arrived) / self.shutter.period
             for numbering in self._alive:
                 for step in sorted({*range(1, 2 + MOST_LOST), max(1, round(gap)), max(1, round(gap) + 1)}):
-                    cost = min(0.5 * ((gap - step) / self.shutter.spread) ** 2, FAR) + LOST * (step - 1)
-                    found.append(self._placed(numbering, numbering.last.number + step, arrival, cost, seen))
+                    number = numbering.last.number + step
+                    found.append(self._placed(numbering, number, arrival, LOST * (step - 1), seen))
         found.sort(key=lambda one: -one.score)
         rivals = dict[tuple[int, int, bytes], list[_Numbering]]()
         for one in found:
@@ -205,16 +217,21 @@ class FrameOrder:
         """Whether the last frame holds nothing but that, by each numbering that is followed."""
         return all(numbering.last.is_alone(show) for numbering in self._alive)
 
+    def _late(self, lag: float) -> int:
+        """In periods, beyond the usual least."""
+        return round((lag - self.shutter.lag[0]) / self.shutter.period)
+
     def _placed(
         self, before: _Numbering | None, number: int, arrival: float, cost: float, seen: FloatArray
     ) -> _Numbering:
         """The filter's step: that frame taken for that exposure."""
         shutter, probes, shows = self.shutter, self.probes, self.shows
-        lag = float(arrival - shutter.begins(number, np.zeros(1))[0]) / shutter.period
-        usual = before.lags if before else (shutter.lag[0] / shutter.period, shutter.lag[1] / shutter.period)
-        lags = min(usual[0], lag), max(usual[1], lag)
+        lags = before.lags if before else self._lags
+        lag = self._late(arrival - float(shutter.begins(number, np.zeros(1))[0]))
         if before:
-            cost += LATER * (lags[1] - lags[0] - usual[1] + usual[0])
+            like = lags.get(lag, 0) + OTHER_LAG / (1 + self._max_lag)
+            cost -= float(np.log(like / (sum(lags.values()) + OTHER_LAG)))
+        lags = {**lags, lag: lags.get(lag, 0) + 1}
         begin = shutter.begins(number, probes.middle)
         at: FloatArray = np.array(shows.at)
         low = max(int(np.searchsorted(at, float(begin.min()), side="right")) - 1, before.last.first if before else 0)

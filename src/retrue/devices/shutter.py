@@ -35,7 +35,7 @@ class Shutter:
     readout : from the first row to the last; negative where it runs upwards.
     exposure : of each row.
     gamma : picture = light ^ (1 / gamma).
-    lag : (least, most) from the begin of a frame to its arrival. `spread` : by which that varies, in periods.
+    lags : from the begin of some frames to their arrival.
     """
 
     start: float
@@ -43,8 +43,12 @@ class Shutter:
     readout: float
     exposure: float
     gamma: float = 1.0
-    lag: tuple[float, float] = (0.0, 0.0)
-    spread: float = 0.1
+    lags: tuple[float, ...] = (0.0,)
+
+    @property
+    def lag(self) -> tuple[float, float]:
+        """The least and the most."""
+        return min(self.lags), max(self.lags)
 
     def begins(self, number: int, rows: FloatArray) -> FloatArray:
         """When those rows (0 to 1) of that frame begin to be exposed.

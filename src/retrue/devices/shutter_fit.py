@@ -118,9 +118,8 @@ def fit_shutter(
     lags = np.concatenate([one.arrivals - (start + length * number) for one, number in zip(seen, numbers, strict=True)])
     mixed = np.concatenate([((one.share > 0.1) & (one.share < 0.9)).any(axis=1) for one in seen])
     lags = lags[mixed] if mixed.any() else lags  # of the others the number is not sure
-    spread = max(0.1, 1.5 * float(np.std(lags)) / length)
-    lag = float(lags.min()), float(lags.max())
-    return Shutter(changes[0].at + start, length, readout, exposure, gamma, lag, spread)
+    late: list[float] = lags.tolist()
+    return Shutter(changes[0].at + start, length, readout, exposure, gamma, tuple(late))
 
 
 def _seen(changes: Sequence[Change], probes: Probes, gamma: float, period: float) -> list[_Seen]:

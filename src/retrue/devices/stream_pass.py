@@ -30,7 +30,8 @@ RECENT = 16  # frames by which lateness is judged
 BAD_FRAMES = 3  # in a row that are not what they are taken for, after which nothing is
 VISIBLE_CHANGE = 0.4  # of full scale: two pictures that differ so much must look different
 SHARE_OF_CHANGE = 0.1  # of white over black by which they must, in some rows
-MOST_TURNS = 3  # of one picture in a pass
+MOST_TURNS = 8  # of one picture in a pass
+LONGEST_DOUBT = 6  # frames after the last picture, for which a doubt may be resolved
 PATIENCE = 8  # frames after the last one that was expected
 
 
@@ -122,10 +123,10 @@ class _Run:
             self._take(self._how.camera.frame())
             self._judge(*self._order.settled())
             if self._keys[-1] < 0 and self._order.all_show(len(self._keys) - 1):
-                self._judge(*self._order.ended())
+                self._judge(*self._order.ended(), waits=waited < LONGEST_DOUBT)
             if self._done == len(self._shows.at) - 1 and not self._queue and self._keys[-1] < 0:
                 break
-        self._judge(*self._order.ended())
+        self._judge(*self._order.ended(), waits=False)
         return self._found if self._closed() else {}
 
     def _closed(self) -> bool:
@@ -181,11 +182,15 @@ class _Run:
         begin = shutter.start + min(shutter.readout, 0.0) - 2 * MARGIN * shutter.period
         return begin + np.ceil((seen - begin) / shutter.period) * shutter.period  # the first row of a frame is next
 
-    def _judge(self, settled: Placed | None, following: int) -> None:
-        """Take what is settled of each picture, up to the last frame that is; show again what is not proven."""
+    def _judge(self, settled: Placed | None, following: int, *, waits: bool = True) -> None:
+        """Take what is settled of each picture, up to the last frame that is; show again what is not proven.
+
+        What later frames may yet decide is waited for.
+        """
         if settled is None:
             return
         doubtful = self._order.doubtful | settled.doubts.keys()
+        undecided = doubtful - (self._order.doubtful - self._order.undecided) if waits else frozenset[int]()
         while self._done < len(self._shows.at) - 1:
             on, off = self._shows.at[self._done], self._shows.at[self._done + 1]
             begin = self._how.shutter.begins(following, self._how.probes.middle).min()
@@ -194,6 +199,8 @@ class _Run:
             key = self._keys[self._done]
             if key >= 0 and key not in self._found:
                 touching = [placed for placed in settled.back() if placed.first <= self._done]
+                if any(placed.index in undecided and placed.is_touched(self._done) for placed in touching):
+                    break
                 frame = self._proven(self._done, key, on, off, touching, doubtful)
                 if frame is not None:
                     self._found[key] = frame
