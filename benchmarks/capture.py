@@ -1,8 +1,8 @@
 """Thousands of pictures shown and recorded on the simulated rig: none mixed, none wrong, none lost; and how quickly.
 
-python -m benchmarks.capture [PICTURES] [--stream PICTURES] [--fps 25]: 10 000 pictures by default, in records of 42,
-each on a rig of its own with random lag of 0 to 5 frames, lost frames, and exposures that roll across the changes.
-Then the same from MJPEG streams over HTTP.
+python -m benchmarks.capture [PICTURES] [--stream PICTURES] [--fps 25] [--seed 0]: 10 000 pictures by default, in
+records of 42, each on a rig of its own with random lag of 0 to 5 frames, lost frames, and exposures that roll across
+the changes. Then the same from MJPEG streams over HTTP.
 """
 
 from __future__ import annotations
@@ -29,6 +29,7 @@ def main() -> None:
     parser.add_argument("pictures", type=int, nargs="?", default=10_000)
     parser.add_argument("--stream", type=int, default=10_000, help="pictures from streams")
     parser.add_argument("--fps", type=float, default=25.0, help="of the streams")
+    parser.add_argument("--seed", type=int, default=0)
     asked = parser.parse_args()
     kinds = {
         "steady: lag 0 to 5, exposures fit between changes": steady,
@@ -36,11 +37,11 @@ def main() -> None:
         "lossy: 1 to 5 % of the frames lost, camera and projector out of step": lossy,
         "jittery: the lag changes from frame to frame, 0 to 5": jittery,
     }
-    print(f"{'':70} pictures  mixed or wrong  frames a picture")
+    print(f"{'':70} pictures  mixed or wrong  frame times a picture")
     for name, options in kinds.items() if asked.pictures else ():
-        measure(name, options, asked.pictures // len(kinds))
+        measure(name, options, asked.pictures // len(kinds), asked.seed)
     for number in range(STREAMS if asked.stream else 0):
-        stream(number, asked.stream // STREAMS, asked.fps)
+        stream(asked.seed + number, asked.stream // STREAMS, asked.fps)
 
 
 def steady(random: np.random.Generator) -> dict[str, Any]:
@@ -61,9 +62,9 @@ def jittery(random: np.random.Generator) -> dict[str, Any]:
     return {**rolling(random), "drop": 0.03, "lag_frames": 0, "lag_jitter_frames": int(random.integers(1, 6))}
 
 
-def measure(name: str, options: Any, pictures: int) -> None:
+def measure(name: str, options: Any, pictures: int, seed: int) -> None:
     """One line: what became of so many pictures."""
-    random = np.random.default_rng(0)
+    random = np.random.default_rng(seed)
     done, faults, rates = 0, list[str](), list[float]()
     while done < pictures:
         rig = small_rig(
@@ -73,9 +74,9 @@ def measure(name: str, options: Any, pictures: int) -> None:
         recorder = Recorder(camera, rig.projector)
         shown = [GRAY[int(index)] for index in random.integers(len(GRAY), size=RECORD)]
         recorder.record(shown[:4])  # measures
-        before = camera.frames
+        before = rig.now()
         faults += camera.faults(shown, recorder.record(shown))
-        rates.append((camera.frames - before) / RECORD)
+        rates.append((rig.now() - before) * rig.options.fps / RECORD)
         done += RECORD
     print(f"{name:70} {done:8}  {len(faults):14}  {told(rates)}", flush=True)
     for fault in faults[:5]:
@@ -89,7 +90,11 @@ def told(rates: list[float]) -> str:
 def stream(seed: int, pictures: int, fps: float) -> None:
     """Records from one stream, told by what the same rig shows without noise."""
     random = np.random.default_rng(seed)
-    options = {"lag_frames": int(random.integers(6)), "drop": 0.01 * seed, "readout": float(random.uniform(0.2, 0.9))}
+    options = {
+        "lag_frames": int(random.integers(6)),
+        "drop": 0.01 * (seed % STREAMS),
+        "readout": float(random.uniform(0.2, 0.9)),
+    }
     rig = small_rig(real_time=True, fps=fps, gamma=2.2, seed=seed, exposure_ms=20.0, bright_ms=20.0, **options)
     still = small_rig(gamma=2.2, electrons=np.inf, lag_frames=0)
     clean: list[np.ndarray] = []

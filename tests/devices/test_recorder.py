@@ -34,6 +34,8 @@ def recorded(options: dict[str, Any]) -> tuple[Witness, Recorder, list[CameraFra
             "drop": 0.03,
             "seed": 3,
         },  # frames are lost that no time tells of, one of them as it is timed
+        {"lag_frames": 0, "lag_jitter_frames": 4, "readout": 0.64, "exposure_ms": 18.2, "bright_ms": 18.2}
+        | {"drop": 0.06, "seed": 7},  # what is lost is shown for as long as its rows need
     ],
 )
 def test_each_picture_takes_little_more_than_two_frames_whatever_the_lag_and_the_shutter(options):
@@ -64,6 +66,18 @@ def test_each_picture_takes_little_more_than_two_frames_whatever_the_lag_and_the
 def test_no_frame_is_mixed_wrong_or_lost(options):
     camera, _, frames = recorded(options)
     assert camera.faults(GRAY, frames) == []
+
+
+def test_a_picture_that_is_lost_whole_shifts_no_other():
+    """Two frames lost in a row, and lags that jump by four: for long, nothing but their range tells where it was."""
+    options = {"scene": "step", "exposure_ms": 12.40907358339941, "bright_ms": 12.40907358339941, "drop": 0.03}
+    rig = small_rig(**options, readout=0.5755916619310938, lag_frames=0, lag_jitter_frames=4, seed=1834895619)
+    camera = Witness(rig)
+    recorder = Recorder(camera, rig.projector)
+    order = [9, 2, 27, 9, 27, 7, 20, 22, 18, 10, 19, 2, 10, 11, 25, 9, 5, 21, 14, 9, 25, 20, 9, 16, 28, 26, 24, 22, 18]
+    pictures = [GRAY[index] for index in (*order, 12, 5, 14, 12, 14, 5, 26, 5, 4, 10, 12, 3, 16)]
+    recorder.record(pictures[:4])  # measures
+    assert camera.faults(pictures, recorder.record(pictures)) == []
 
 
 def test_what_looks_the_same_to_the_camera_is_recorded_all_the_same():

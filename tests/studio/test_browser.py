@@ -183,6 +183,7 @@ def test_from_an_empty_folder_to_a_rig_that_is_calibrated_bumped_and_mended(brow
         require_accurate(folder)
 
         press(page, "Scan", "points written to scan-")
+        expect(page.get_by_text(re.compile(r"^good: \d+ blocks are seen"))).to_be_visible()  # no board is held any more
         photograph(page, pictures, "4-scanned")
         page.get_by_role("switch", name="Watch").click()
         expect(page.get_by_role("img", name=re.compile("drift over time, [1-9]"))).to_be_visible(timeout=PATIENCE)
@@ -191,6 +192,7 @@ def test_from_an_empty_folder_to_a_rig_that_is_calibrated_bumped_and_mended(brow
         expect(page.get_by_role("status")).to_contain_text(
             re.compile(r"^drifted: points are \d+ mm off at \d+ mm .*; press Check"), timeout=PATIENCE
         )
+        expect(page.get_by_role("status")).to_have_class(re.compile("text-orange"))
         photograph(page, pictures, "5-watched")
         page.get_by_role("switch", name="Watch").click()
         expect(page.get_by_role("status")).to_contain_text("not watched any more", timeout=PATIENCE)

@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import asyncio
+import logging
 from typing import Any
 
 import pytest
 
+from retrue.studio.app import worth_saying
 from retrue.studio.guard import Guard, new_token
 
 TOKEN = new_token()
@@ -73,3 +75,24 @@ def test_tokens_are_long_and_never_the_same():
     assert len({new_token() for _ in range(100)}) == 100
     assert len(TOKEN) >= 32
     assert asked(query="token=")[0] == asked(query=f"token={TOKEN}x")[0] == 401
+
+
+def test_a_request_that_is_broken_off_is_not_said_and_what_else_goes_wrong_is():
+    """As Starlette raises it, where nobody waits for the answer any more."""
+    from starlette.middleware.base import BaseHTTPMiddleware
+
+    async def nothing(_scope: Any, _receive: Any, _send: Any) -> None: ...
+
+    async def passed_on(request: Any, call_next: Any) -> Any:
+        return await call_next(request)
+
+    async def broken_off() -> None:
+        scope = {"type": "http", "method": "GET", "path": "/", "query_string": b"", "headers": []}
+        await BaseHTTPMiddleware(nothing, passed_on)(scope, asyncio.Queue().get, nothing)  # type: ignore[arg-type]
+
+    with pytest.raises(RuntimeError) as raised:
+        asyncio.run(broken_off())
+    for error, said in ((raised.value, False), (RuntimeError("anything else"), True)):
+        info = (type(error), error, None)
+        assert worth_saying(logging.LogRecord("uvicorn.error", logging.ERROR, "", 0, "", None, info)) == said
+    assert worth_saying(logging.LogRecord("uvicorn.error", logging.ERROR, "", 0, "a line", None, None))

@@ -22,6 +22,7 @@ from numpy.typing import NDArray
 from retrue.geometry.arrays import FloatArray
 
 MARGIN = 0.03  # of a period, that a row's exposure must be clear of a change
+TOUCHED = 0.02  # share of a row's light from which a picture counts as in it
 
 
 @dataclass(frozen=True, slots=True)
@@ -34,7 +35,7 @@ class Shutter:
     readout : from the first row to the last; negative where it runs upwards.
     exposure : of each row.
     gamma : picture = light ^ (1 / gamma).
-    lag : (least, most) from the begin of a frame to its arrival. `spread` : by which that varies, in periods.
+    lags : from the begin of some frames to their arrival.
     """
 
     start: float
@@ -42,8 +43,12 @@ class Shutter:
     readout: float
     exposure: float
     gamma: float = 1.0
-    lag: tuple[float, float] = (0.0, 0.0)
-    spread: float = 0.1
+    lags: tuple[float, ...] = (0.0,)
+
+    @property
+    def lag(self) -> tuple[float, float]:
+        """The least and the most."""
+        return min(self.lags), max(self.lags)
 
     def begins(self, number: int, rows: FloatArray) -> FloatArray:
         """When those rows (0 to 1) of that frame begin to be exposed.
@@ -68,9 +73,18 @@ class Shutter:
         begin, margin = self.begins(number, edges), MARGIN * self.period
         return np.asarray(((begin >= on + margin) & (begin + self.exposure <= off - margin)).all(axis=1))
 
-    def seen_by(self, on: float, edges: FloatArray) -> float:
-        """When every band has been exposed as a whole to what came on then."""
-        margin = MARGIN * self.period
-        offset = np.sort(self.readout * edges, axis=1)
+    def seen_by(self, on: float, edges: FloatArray, whole: NDArray[np.bool_], sights: NDArray[np.intp]) -> float:
+        """When those bands have been exposed as a whole to what came on then, and so many frames hold some of it.
+
+        >>> edges, alone = np.array([[0, 0.2]]), np.array([True])
+        >>> shutter = Shutter(1.0, 0.1, 0.05, 0.02)
+        >>> [round(shutter.seen_by(1.1 - 0.01, edges, alone, np.array([count])), 4) for count in (0, 1, 2)]
+        [1.133, 1.133, 1.2058]
+        """
+        margin, touched = MARGIN * self.period, 2 * TOUCHED * self.exposure
+        offset, middle = np.sort(self.readout * edges, axis=1), self.readout * edges.mean(axis=1)
         number = np.ceil((on + margin - self.start - offset[:, 0]) / self.period - 1e-9)
-        return float((self.start + number * self.period + offset[:, 1]).max() + self.exposure + margin)
+        done = self.start + number * self.period + offset[:, 1] + self.exposure + margin
+        first = np.floor((on + touched - self.exposure - self.start - middle) / self.period) + 1
+        last = np.maximum(self.start + (first + sights - 1) * self.period + middle, on) + touched
+        return float(np.max([np.where(whole, done, on), np.where(sights > 0, last, on)]))

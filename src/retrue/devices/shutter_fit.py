@@ -24,7 +24,7 @@ BEFORE = range(-4, 2)  # frames from that in which a change falls to the last on
 FEW_BANDS = 8  # in the search
 OUTLIER = 0.25  # squared share: a band that is off by more counts no more
 USUAL_READOUT, USUAL_EXPOSURE = 0.3, 0.5  # of a period; what holds where no frame tells
-WEAK = 0.1  # weight of that, against one band of one frame
+WEAK, TOLD = 0.1, 1.0  # weight of that, and of an exposure that the camera tells, against one band of one frame
 RARE = 0.02  # squared share, at which a frame that was lost unseen costs: else it would explain what is not there
 MOST_STEPS = 40
 WORST_FIT = 0.06  # of white over black, root mean square: a camera that exposes in another way
@@ -64,6 +64,17 @@ class _Seen:
     rare: list[FloatArray]
 
 
+@dataclass(frozen=True, slots=True, eq=False)
+class _Usual:
+    """(readout, exposure) where no frame tells them, and how much that counts."""
+
+    times: FloatArray
+    weights: FloatArray
+
+    def off(self, readout: float, exposure: float) -> FloatArray:
+        return self.weights * (np.array([readout, exposure]) - self.times)
+
+
 def fit_shutter(
     changes: Sequence[Change], probes: Probes, period: float, exposure_ms: float | None = None
 ) -> Shutter | None:
@@ -76,7 +87,7 @@ def fit_shutter(
         return None
     rows = probes.middle[probes.lit]
     told = USUAL_EXPOSURE if exposure_ms is None else min(exposure_ms / 1000 / period, 1.0)
-    usual = np.array([USUAL_READOUT, told]) * period
+    usual = _Usual(np.array([USUAL_READOUT, told]) * period, np.array([WEAK, WEAK if exposure_ms is None else TOLD]))
     tried = [
         (*_numbered(seen, rows, period, times, usual), np.array([times[0], period, *times[1:], gamma]))
         for gamma in GAMMAS
@@ -91,7 +102,8 @@ def fit_shutter(
             (_share(start + length * number[:, None] + readout * rows, exposure, seen.at) - seen.share).ravel()
             for seen, number in zip(_seen(changes, probes, float(gamma), period), numbers, strict=True)
         ]
-        return np.concatenate([*parts, WEAK * (np.array([readout, exposure]) - usual) / period, [WEAK * np.log(gamma)]])
+        unusual = usual.off(readout, exposure) / period
+        return np.concatenate([*parts, unusual, [WEAK * np.log(gamma)]])
 
     least = np.array([-np.inf, 0.98 * period, -1.2 * period, 1e-3 * period, 0.5])
     most = np.array([np.inf, 1.02 * period, 1.2 * period, 1.2 * period, 4.0])
@@ -106,9 +118,8 @@ def fit_shutter(
     lags = np.concatenate([one.arrivals - (start + length * number) for one, number in zip(seen, numbers, strict=True)])
     mixed = np.concatenate([((one.share > 0.1) & (one.share < 0.9)).any(axis=1) for one in seen])
     lags = lags[mixed] if mixed.any() else lags  # of the others the number is not sure
-    spread = max(0.1, 1.5 * float(np.std(lags)) / length)
-    lag = float(lags.min()), float(lags.max())
-    return Shutter(changes[0].at + start, length, readout, exposure, gamma, lag, spread)
+    late: list[float] = lags.tolist()
+    return Shutter(changes[0].at + start, length, readout, exposure, gamma, tuple(late))
 
 
 def _seen(changes: Sequence[Change], probes: Probes, gamma: float, period: float) -> list[_Seen]:
@@ -130,7 +141,7 @@ def _share(begin: FloatArray, exposure: FloatArray | float, at: float) -> FloatA
 
 
 def _numbered(
-    seen: Sequence[_Seen], rows: FloatArray, period: float, times: tuple[float, float, float], usual: FloatArray
+    seen: Sequence[_Seen], rows: FloatArray, period: float, times: tuple[float, float, float], usual: _Usual
 ) -> tuple[float, list[FloatArray]]:
     """Misfit with that start, readout and exposure, and the numbers of frames that suit them best."""
     start, readout, exposure = times
@@ -144,19 +155,20 @@ def _numbered(
         total += float(misfit.min())
         numbers.append(offered[int(misfit.argmin())])
     lags = [one.arrivals[0] - period * number[0] for one, number in zip(seen, numbers, strict=True)]
-    unusual = np.array([readout - usual[0], exposure - usual[1], float(np.std(lags))]) / period
-    return total + float(np.square(WEAK * unusual).sum()), numbers
+    unusual = np.append(usual.off(readout, exposure), WEAK * float(np.std(lags))) / period
+    return total + float(np.square(unusual).sum()), numbers
 
 
 def _beginnings(
-    seen: Sequence[_Seen], rows: FloatArray, period: float, usual: FloatArray
+    seen: Sequence[_Seen], rows: FloatArray, period: float, usual: _Usual
 ) -> list[tuple[float, float, float]]:
     """Where the search may begin: of each start, the best readout and exposure."""
     grid = (np.arange(STEPS) + 0.5) / STEPS * period
     start = grid[:, None, None]
     readout = np.concatenate([-grid[1::3], [0.0], grid[1::3]])[None, :, None]
     exposure = grid[None, None, ::2]
-    total = (np.square(WEAK * (readout - usual[0])) + np.square(WEAK * (exposure - usual[1]))) / period**2
+    off = np.stack(np.broadcast_arrays(readout - usual.times[0], exposure - usual.times[1]), axis=-1)
+    total = np.square(usual.weights * off / period).sum(axis=-1)
     total = np.repeat(total, len(grid), axis=0)
     few = np.unique(np.linspace(0, len(rows) - 1, FEW_BANDS).round().astype(int))
     for one in seen:

@@ -1,9 +1,10 @@
 """Pictures shown one after another at the camera's pace, and of each the frame that shows it, some frames later.
 
-Each stays until every row has been exposed to it alone, and once more to some of it: two frame times less an exposure.
+Each stays until every row has been exposed to it alone, and once more to some of it: two frame times at most.
 Where no frame has all its rows whole, its bands come from two frames in a row. Nothing is taken for what it should be
 by its time alone: frames must be the mixtures of pictures that their place among them says, before and after, up to a
-tag at either end, whose looks are known. A picture some rows of which were lost is shown again.
+tag at either end, whose looks are known. A picture some rows of which were lost is shown again, for as long as those
+rows need, and must look as it did.
 """
 
 from __future__ import annotations
@@ -14,13 +15,14 @@ from dataclasses import dataclass
 from itertools import combinations
 
 import numpy as np
+from numpy.typing import NDArray
 
-from retrue.devices.frame_order import FITS, TOUCHED, FrameOrder, Placed, Shows
+from retrue.devices.frame_order import FITS, KNOWN, PRIOR, FrameOrder, Looks, Placed, Shows
 from retrue.devices.probes import Probes
 from retrue.devices.protocols import CameraDriver, CameraFrame, ProjectorDriver
 from retrue.devices.references import BANDS, References, grey_levels
 from retrue.devices.shown_pictures import Picture, coarse_change, tag_pictures
-from retrue.devices.shutter import MARGIN, Shutter
+from retrue.devices.shutter import MARGIN, TOUCHED, Shutter
 from retrue.geometry.arrays import Image
 
 FEWEST_SIGHTS = 2  # frames that hold some of a picture, in each band
@@ -28,7 +30,8 @@ RECENT = 16  # frames by which lateness is judged
 BAD_FRAMES = 3  # in a row that are not what they are taken for, after which nothing is
 VISIBLE_CHANGE = 0.4  # of full scale: two pictures that differ so much must look different
 SHARE_OF_CHANGE = 0.1  # of white over black by which they must, in some rows
-MOST_TURNS = 3  # of one picture in a pass
+MOST_TURNS = 8  # of one picture in a pass
+LONGEST_DOUBT = 6  # frames after the last picture, for which a doubt may be resolved
 PATIENCE = 8  # frames after the last one that was expected
 
 
@@ -63,13 +66,32 @@ class Pass:
         return run.run(), run.times()
 
 
+@dataclass(frozen=True, slots=True, eq=False)
+class _Part:
+    """What is proven of a picture that is not whole yet.
+
+    Attributes
+    ----------
+    frame : the picture; where its rows come from, mostly. `whole` : (BANDS,) those that are right in it.
+    sights : (BANDS,) frames that held some of it.
+    looks : what it looks like, as far as they tell.
+    """
+
+    frame: CameraFrame
+    whole: NDArray[np.bool_]
+    sights: NDArray[np.intp]
+    looks: Looks
+
+
 class _Run:
     def __init__(self, how: Pass, pictures: Sequence[Picture], turn: int, past: Sequence[float]) -> None:
         self._how, self._pictures = how, pictures
         tags = tag_pictures(how.projector.size)
         self._tags = [tags[turn % 2], tags[2]]
         looks = [how.references.tags[turn % 2], how.references.tags[2]]
-        self._looks = [how.probes.light(how.probes.of(look), how.shutter.gamma) for look in looks]
+        self._looks = [
+            Looks(how.probes.light(how.probes.of(look), how.shutter.gamma), np.full(BANDS, KNOWN**2)) for look in looks
+        ]
         self._shows = Shows()
         for at in past:
             self._shows.add(at)
@@ -79,18 +101,15 @@ class _Run:
         self._frames: dict[int, CameraFrame] = {}  # those that may still be needed
         self._lags = deque([how.shutter.lag[1]], RECENT)
         self._last: Picture | None = None
-        self._done = len(self._keys)  # shows that are judged
+        self._done = self._before_all = len(self._keys)  # shows that are judged
         self._bad = 0
         self._found: dict[int, CameraFrame] = {}
+        self._parts: dict[int, _Part] = {}
         self._before: tuple[int, Image] | None = None  # the picture before, and what it looked like
 
     def run(self) -> dict[int, CameraFrame]:
-        first = self._how.camera.frame()
-        self._take(first)
-        shutter = self._how.shutter
-        soon = np.ceil((first.at - shutter.start) / shutter.period) + 1  # before the first row of a frame
-        begin = shutter.start + min(shutter.readout, 0.0)
-        self._show(self._tags[0], begin + (soon - 2 * MARGIN) * shutter.period, -1, self._looks[0])
+        self._show(self._tags[0], 0.0, -1, self._looks[0])
+        self._take(self._how.camera.frame())
         waited = 0
         while self._bad < BAD_FRAMES and waited < PATIENCE + self._how.max_lag:
             if self._queue and self._next_show() <= self._next_arrival():
@@ -104,10 +123,10 @@ class _Run:
             self._take(self._how.camera.frame())
             self._judge(*self._order.settled())
             if self._keys[-1] < 0 and self._order.all_show(len(self._keys) - 1):
-                self._judge(*self._order.ended())
+                self._judge(*self._order.ended(), waits=waited < LONGEST_DOUBT)
             if self._done == len(self._shows.at) - 1 and not self._queue and self._keys[-1] < 0:
                 break
-        self._judge(*self._order.ended())
+        self._judge(*self._order.ended(), waits=False)
         return self._found if self._closed() else {}
 
     def _closed(self) -> bool:
@@ -123,7 +142,9 @@ class _Run:
         """When pictures came on that may be on their way to the camera."""
         return self._shows.at[1:][-2 * self._how.max_lag :]
 
-    def _show(self, picture: Picture, at: float, key: int, looks: np.ndarray | None = None) -> None:
+    def _show(self, picture: Picture, at: float, key: int, looks: Looks | None = None) -> None:
+        if key in self._parts:
+            looks = self._parts[key].looks
         on = self._how.projector.show(picture, at)
         self._shows.add(on, looks, same=self._last is not None and np.array_equal(picture, self._last))
         self._last = picture
@@ -145,17 +166,31 @@ class _Run:
         return shutter.start + (best.number + 1) * shutter.period + max(self._lags)
 
     def _next_show(self) -> float:
-        """When each row has been exposed to what is shown now alone, and once more to some of it."""
-        shutter, on = self._how.shutter, self._shows.at[-1]
+        """When each row that lacks has been exposed to what is shown now alone, and once more to some of it."""
+        shutter, on, part = self._how.shutter, self._shows.at[-1], self._parts.get(self._keys[-1])
         if self._how.hold_frames:
             return on + self._how.hold_frames * shutter.period
-        twice = on + 2 * shutter.period - (1 - 2 * TOUCHED) * shutter.exposure
-        return max(shutter.seen_by(on, self._how.probes.edges), twice)
+        lacks, sights = np.ones(BANDS, bool), np.full(BANDS, FEWEST_SIGHTS)
+        if part is not None:
+            lacks, sights = ~part.whole, np.maximum(FEWEST_SIGHTS - part.sights, 0)
+        elif self._keys[-1] < 0:  # of a tag the looks are known
+            sights[:] = 1
+        sights[~self._how.probes.lit] = 0
+        seen = shutter.seen_by(on, self._how.probes.edges, lacks, sights)
+        if len(self._keys) > self._before_all + 1:
+            return seen
+        begin = shutter.start + min(shutter.readout, 0.0) - 2 * MARGIN * shutter.period
+        return begin + np.ceil((seen - begin) / shutter.period) * shutter.period  # the first row of a frame is next
 
-    def _judge(self, settled: Placed | None, following: int) -> None:
-        """Take what is settled of each picture, up to the last frame that is; show again what is not proven."""
+    def _judge(self, settled: Placed | None, following: int, *, waits: bool = True) -> None:
+        """Take what is settled of each picture, up to the last frame that is; show again what is not proven.
+
+        What later frames may yet decide is waited for.
+        """
         if settled is None:
             return
+        doubtful = self._order.doubtful | settled.doubts.keys()
+        undecided = doubtful - (self._order.doubtful - self._order.undecided) if waits else frozenset[int]()
         while self._done < len(self._shows.at) - 1:
             on, off = self._shows.at[self._done], self._shows.at[self._done + 1]
             begin = self._how.shutter.begins(following, self._how.probes.middle).min()
@@ -164,7 +199,9 @@ class _Run:
             key = self._keys[self._done]
             if key >= 0 and key not in self._found:
                 touching = [placed for placed in settled.back() if placed.first <= self._done]
-                frame = self._proven(self._done, key, on, off, touching)
+                if any(placed.index in undecided and placed.is_touched(self._done) for placed in touching):
+                    break
+                frame = self._proven(self._done, key, on, off, touching, doubtful)
                 if frame is not None:
                     self._found[key] = frame
                 else:
@@ -176,37 +213,49 @@ class _Run:
         for index in [index for index in self._frames if index < first - 1]:
             del self._frames[index]
 
-    def _proven(self, show: int, key: int, on: float, off: float, frames: Sequence[Placed]) -> CameraFrame | None:
+    def _proven(
+        self, show: int, key: int, on: float, off: float, frames: Sequence[Placed], doubtful: frozenset[int]
+    ) -> CameraFrame | None:
         """The picture, where each band of it is whole in a frame, and nothing in any frame speaks against it."""
-        sights, whole = np.zeros(BANDS, int), dict[int, np.ndarray]()
-        lit, doubtful = self._how.probes.lit, frozenset[int]().union(*(placed.doubtful for placed in frames))
+        part, sure, last = self._parts.get(key), True, None
+        sights = np.zeros(BANDS, np.intp) if part is None else part.sights
+        sources = [] if part is None else [(part.whole, part.frame)]
+        lit = self._how.probes.lit
         for placed in frames:
             place = show - placed.first
             held = placed.shares[:, place] > TOUCHED if place < placed.shares.shape[1] else np.zeros(BANDS, bool)
             if not held.any():
                 continue
-            if placed.index in doubtful or (held & lit & (placed.off > FITS)).any():
+            if placed.index in doubtful:
+                sure = False
+                continue
+            if (held & lit & (placed.off > FITS)).any():
+                self._parts.pop(key, None)
                 return None
-            sights += held
+            sights, last = sights + held, last or placed
             if placed.index in self._frames:
-                whole[placed.index] = self._how.shutter.whole(placed.number, self._how.probes.edges, on, off)
-        if not whole or not np.any(list(whole.values()), axis=0).all() or (sights[lit] < FEWEST_SIGHTS).any():
+                whole = self._how.shutter.whole(placed.number, self._how.probes.edges, on, off)
+                sources.append((whole, self._frames[placed.index]))
+        if not sources:
             return None
-        for one, other in combinations(sorted(whole), 2):
-            both = whole[one] & whole[other]
-            pair = grey_levels(self._frames[one].picture), grey_levels(self._frames[other].picture)
+        for (one, first), (other, second) in combinations(sources, 2):
+            both, pair = one & other, (grey_levels(first.picture), grey_levels(second.picture))
             if both.any() and (self._how.references.excesses(pair[0], pair[1])[both] > 1).any():
+                self._parts.pop(key, None)
                 return None
-        order = sorted(whole, key=lambda index: -int(whole[index].sum()))
-        picture = self._frames[order[0]].picture
-        if not whole[order[0]].all():
-            picture, missing = picture.copy(), ~whole[order[0]]
-            rows = np.array_split(np.arange(len(picture)), BANDS)
-            for index in order[1:]:
-                for band in np.flatnonzero(missing & whole[index]):
-                    picture[rows[band]] = self._frames[index].picture[rows[band]]
-                missing &= ~whole[index]
-        levels, before = grey_levels(picture), self._before
+        whole, frame = _composed(sources)
+        levels = grey_levels(frame.picture)
+        if not whole.all() or (sights[lit] < FEWEST_SIGHTS).any():
+            if sure and last is not None:
+                self._parts[key] = _Part(frame, whole, sights, last.looks(show))
+            else:  # the frames that are sure tell what is whole in them, and no more
+                probes, gamma = self._how.probes, self._how.shutter.gamma
+                light = np.where(whole[:, None], probes.light(probes.of(levels), gamma), PRIOR[0])
+                looks = Looks(light, np.where(whole, KNOWN, PRIOR[1]) ** 2)
+                self._parts[key] = _Part(frame, whole, np.where(whole, sights, 0), looks)
+            return None
+        self._parts.pop(key, None)
+        before = self._before
         if (
             before is not None
             and coarse_change(self._pictures[key], self._pictures[before[0]]) >= VISIBLE_CHANGE
@@ -214,4 +263,19 @@ class _Run:
         ):
             return None
         self._before = key, levels
-        return CameraFrame(picture, self._frames[order[0]].at)
+        return frame
+
+
+def _composed(sources: Sequence[tuple[NDArray[np.bool_], CameraFrame]]) -> tuple[NDArray[np.bool_], CameraFrame]:
+    """One frame of the bands that are whole in any, most of them from one; and which they are."""
+    order = sorted(sources, key=lambda source: -int(source[0].sum()))
+    whole, frame = order[0]
+    rows = np.array_split(np.arange(len(frame.picture)), BANDS)
+    for other, second in order[1:]:
+        new = other & ~whole
+        if new.any():
+            mine = np.concatenate([rows[band] for band in np.flatnonzero(new)])
+            picture = frame.picture.copy()
+            picture[mine] = second.picture[mine]
+            whole, frame = whole | new, CameraFrame(picture, frame.at)
+    return whole, frame

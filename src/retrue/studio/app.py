@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 import socket
 from collections.abc import Callable
 from importlib import import_module
@@ -16,6 +17,7 @@ from retrue.studio.studio import Studio
 
 HOST = "127.0.0.1"
 FRESH = {"Cache-Control": "no-store"}
+BROKEN_OFF = "No response returned."  # what Starlette raises for a request that ends before its answer
 
 
 def require_nicegui() -> Any:
@@ -35,12 +37,19 @@ def require_free_port(port: int) -> None:
         raise InputError(f"cannot listen on {HOST}:{port}: {error}; choose another --port") from error
 
 
+def worth_saying(record: logging.LogRecord) -> bool:
+    """Whether a line of the server's log is: not that a tab was closed, or we ended, while it waited for an answer."""
+    error = record.exc_info[1] if record.exc_info else None
+    return not (isinstance(error, RuntimeError) and str(error) == BROKEN_OFF)
+
+
 def serve(studio: Studio | None, token: str, port: int, fleet: Callable[[], str] | None = None) -> None:
     """Until it is interrupted; only who has the token is let in. `fleet` makes the page of a fleet, each time anew."""
     nicegui = require_nicegui()
     app, ui = nicegui.app, nicegui.ui
     responses = import_module("starlette.responses")
     app.add_middleware(Guard, token=token, port=port)
+    logging.getLogger("uvicorn.error").addFilter(worth_saying)
     if fleet is not None:
 
         @app.get("/fleet")

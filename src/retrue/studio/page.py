@@ -63,6 +63,7 @@ class Page:
             self._show_look(state, look)
         idle = "" if state.rig_there or state.calibration else NO_RIG
         self._message.set_text(f"{state.busy} ..." if state.busy else state.message or idle)
+        self._message.classes(**{"add" if state.drifted else "remove": f"{BAD} font-medium"})
         self._enable(state)
         self._calibrate.refresh(state)
         self._watch.set_value(state.watching)

@@ -49,3 +49,9 @@ class State:
     rig_there: bool = False
     watching: bool = False
     readings: tuple[Reading, ...] = ()
+
+    @property
+    def drifted(self) -> bool:
+        """Whether the last check, or the last reading of a watch, found the rig so."""
+        watched = self.readings[-1].verdict if self.watching and self.readings else ""
+        return "drifted" in (watched, self.verification and self.verification.verdict)

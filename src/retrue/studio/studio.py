@@ -232,7 +232,7 @@ class Studio:
             finally:
                 self._set(busy="", rig_there=self.rig_path.exists())
             live.projector.show(self._shown(live, pattern))
-            before = self._settled(live)
+            before = self._look(live, pattern, self._settled(live))  # what was seen before it is no more
 
     def _expose(self, live: LiveRig) -> None:
         """Once, where nobody said how long; a camera that cannot be told is used as it is."""
