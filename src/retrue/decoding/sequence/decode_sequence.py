@@ -157,7 +157,12 @@ def decode_arranged(sequence: ArrangedSequence) -> Correspondences:
     with ThreadPoolExecutor(2) as threads:
         if gray_axes:
             found = read_gray(gray_sequence(sequence, gray_axes), threads, thorough=sequence.thorough)
-            read.append([Points(b.pixels, b.projector_px, b.sigma_px, None, b.seen, b.rejected) for b in found])
+            read.append(
+                [
+                    Points(own.found.pixels, own.found.projector_px, own.found.sigma_px, None, own.seen, own.rejected)
+                    for own in found
+                ]
+            )
             depths = np.sum([band.depths for band in found], axis=0).tolist()
             if len(depths) > 1:
                 details["points_by_bits_left_out"] = depths
