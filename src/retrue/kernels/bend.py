@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import cython
-from cython.cimports.libc.math import fabs
 
+REACH = cython.declare(cython.Py_ssize_t, 3)  # cells about each, over which changes are averaged
 CHUNK = cython.declare(cython.Py_ssize_t, 64)  # cells of a row that are left out where nothing is known
 
 
@@ -41,80 +41,87 @@ def bias(
     terms: cython.const[cython.float][:, :, ::1],
     shape: cython.const[cython.float][:, :, ::1],
     sigma: cython.const[cython.float][:, ::1],
-    reach: cython.Py_ssize_t,
     alike: cython.float,
     doubt: cython.float,
-    room: cython.float[:, ::1],
     found: cython.float[:, ::1],
     bent: cython.uchar[:, ::1],
 ) -> int:
     """`found` (R, C) <- by how much each plane errs, by the mean changes of slope, `terms` as `changes` has them, of the
-    cells within `reach`; `bent` <- where that exceeds `sigma`, and by `doubt` its own standard error; how many do.
+    cells within REACH; `bent` <- where that exceeds `sigma`, and by `doubt` its own standard error; how many do.
 
     `shape` (5, R, C): mean x and y of each window, and its moments xx, yy, xy about them. Of each mean `alike`
-    neighbours count as one. `room` is (20, C + 2 `reach`), zero before.
+    neighbours count as one.
     """
-    cython.declare(q=cython.Py_ssize_t, r=cython.Py_ssize_t, c=cython.Py_ssize_t, k=cython.Py_ssize_t)
-    cython.declare(count=cython.Py_ssize_t, x=cython.float, y=cython.float, n=cython.float, m=cython.float)
-    cython.declare(mean=cython.float, square=cython.float, total=cython.float, variance=cython.float)
-    cython.declare(lever=cython.float)
-    cython.declare(start=cython.Py_ssize_t, stop=cython.Py_ssize_t, seen=cython.float)
+    cython.declare(q=cython.Py_ssize_t, r=cython.Py_ssize_t, i=cython.Py_ssize_t, k=cython.Py_ssize_t)
+    cython.declare(start=cython.Py_ssize_t, width=cython.Py_ssize_t, left=cython.Py_ssize_t, stop=cython.Py_ssize_t)
+    cython.declare(count=cython.Py_ssize_t, a=cython.Py_ssize_t, b=cython.Py_ssize_t, c=cython.Py_ssize_t)
+    cython.declare(n=cython.float, m=cython.float, x=cython.float, y=cython.float, seen=cython.float)
     rows: cython.Py_ssize_t = found.shape[0]
     columns: cython.Py_ssize_t = found.shape[1]
+    one: cython.float = 1
+    none: cython.float = 0
+    half: cython.float = 0.5
+    down = cython.declare(cython.float[70])  # sums over rows of a term, REACH more at both ends than are asked
+    squares = cython.declare(cython.float[70])
+    along = cython.declare(cython.float[64])  # how many tell
+    across = cython.declare(cython.float[64])
+    lever = cython.declare(cython.float[64])
+    total = cython.declare(cython.float[64])
+    variance = cython.declare(cython.float[64])
     count = 0
     with cython.nogil:
         for r in range(rows):
-            for q in range(2):
-                for c in range(columns):
-                    room[q, reach + c] = 0
-                for k in range(max(r - reach, 0), min(r + reach + 1, rows)):
-                    for c in range(columns):
-                        room[q, reach + c] += terms[q, k, c]
             start = 0
             while start < columns:
-                stop = min(start + CHUNK, columns)
+                width = min(CHUNK, columns - start)
+                left, stop = max(start - REACH, 0), min(start + width + REACH, columns)
                 seen = 0
-                for c in range(start, stop + 2 * reach):
-                    seen += room[0, c] + room[1, c]
-                if not seen > 0:
-                    for c in range(start, stop):
-                        found[r, c] = 0
-                        bent[r, c] = 0
-                    start = stop
-                    continue
-                for q in range(2, 10):
-                    for c in range(max(start - reach, 0), min(stop + reach, columns)):
-                        room[q, reach + c] = 0
-                for k in range(max(r - reach, 0), min(r + reach + 1, rows)):
-                    for q in range(2, 6):
-                        for c in range(max(start - reach, 0), min(stop + reach, columns)):
-                            room[q, reach + c] += terms[q, k, c]
-                        for c in range(max(start - reach, 0), min(stop + reach, columns)):
-                            room[4 + q, reach + c] += terms[q, k, c] * terms[q, k, c]
-                for q in range(10):
-                    for c in range(start, stop):
-                        room[10 + q, c] = 0
-                    for k in range(2 * reach + 1):
-                        for c in range(start, stop):
-                            room[10 + q, c] += room[q, c + k]
-                for q in range(4):  # along x: xx of the first slope, xy of the second; across, y: xy, yy
-                    for c in range(start, stop):
-                        n = room[10 + q // 2, c]
-                        n = n if n > 1 else 1
-                        m = n / alike if n > alike else 1
-                        x, y = shape[0 if q < 2 else 1, r, c], shape[0 if q == 0 or q == 2 else 1, r, c]
-                        lever = (shape[2 if q == 0 else 3 if q == 3 else 4, r, c] - x * y) / 2
-                        mean = room[12 + q, c] / n
-                        square = room[16 + q, c] / n - mean * mean
-                        square = lever * lever * (square if square > 0 else 0) / m
-                        room[12 + q, c] = lever * mean
-                        room[16 + q, c] = square
-                for c in range(start, stop):
-                    total = room[12, c] + room[13, c] + room[14, c] + room[15, c]
-                    variance = room[16, c] + room[17, c] + room[18, c] + room[19, c]
-                    found[r, c] = total
-                    bent[r, c] = (fabs(total) > sigma[r, c]) & (total * total > doubt * doubt * variance)
-                for c in range(start, stop):
-                    count += bent[r, c]
-                start = stop
+                for q in range(2):
+                    for i in range(CHUNK + 2 * REACH):
+                        down[i] = 0
+                    for k in range(max(r - REACH, 0), min(r + REACH + 1, rows)):
+                        for i in range(left, stop):
+                            down[i - start + REACH] += terms[q, k, i]
+                    for i in range(CHUNK):
+                        n = down[i] + down[i + 1] + down[i + 2] + down[i + 3] + down[i + 4] + down[i + 5] + down[i + 6]
+                        across[i] = n
+                        seen += n
+                    if q == 0:
+                        for i in range(CHUNK):
+                            along[i] = across[i]
+                for i in range(CHUNK):
+                    total[i] = variance[i] = 0
+                for q in range(4 if seen > 0 else 0):
+                    for i in range(CHUNK + 2 * REACH):
+                        down[i] = squares[i] = 0
+                    for k in range(max(r - REACH, 0), min(r + REACH + 1, rows)):
+                        for i in range(left, stop):
+                            m = terms[2 + q, k, i]
+                            down[i - start + REACH] += m
+                            squares[i - start + REACH] += m * m
+                    # along x: xx of the first slope, xy of the second; across, y: xy, yy
+                    a, b, c = (0 if q < 2 else 1), (0 if q == 0 or q == 2 else 1), (2 if q == 0 else 3 if q == 3 else 4)
+                    for i in range(width):
+                        lever[i] = half * (shape[c, r, start + i] - shape[a, r, start + i] * shape[b, r, start + i])
+                    if q == 2:
+                        for i in range(CHUNK):
+                            along[i] = across[i]
+                    for i in range(CHUNK):
+                        n = along[i] if along[i] > one else one
+                        m = n / alike
+                        m = m if m > one else one
+                        x = down[i] + down[i + 1] + down[i + 2] + down[i + 3] + down[i + 4] + down[i + 5] + down[i + 6]
+                        y = squares[i] + squares[i + 1] + squares[i + 2] + squares[i + 3] + squares[i + 4]
+                        x, y = x / n, (y + squares[i + 5] + squares[i + 6]) / n
+                        y = y - x * x
+                        total[i] += lever[i] * x
+                        variance[i] += lever[i] * lever[i] * (y if y > none else none) / m
+                for i in range(width):
+                    found[r, start + i] = total[i]
+                for i in range(width):
+                    m, n = total[i] * total[i], sigma[r, start + i]
+                    bent[r, start + i] = (m > n * n) & (m > doubt * doubt * variance[i])
+                for i in range(width):
+                    count += bent[r, start + i]
+                start += CHUNK
     return count

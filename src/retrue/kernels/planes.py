@@ -5,6 +5,7 @@ from __future__ import annotations
 import cython
 
 TINY = cython.declare(cython.float, 1e-6)
+CHUNK = cython.declare(cython.Py_ssize_t, 256)  # cells that are taken at a time
 
 
 def solve(
@@ -18,28 +19,60 @@ def solve(
     `planes` (3, R, C) <- a, b, c; `shape` (5, R, C) <- mean x, mean y, and the second moments xx, yy, xy about these;
     `loose` (2, R, C) <- 1 over the sum of weights, and by how much a's variance exceeds that of a mean.
     """
-    cython.declare(r=cython.Py_ssize_t, c=cython.Py_ssize_t, per=cython.float, x=cython.float, y=cython.float)
-    cython.declare(v=cython.float, xx=cython.float, xy=cython.float, yy=cython.float, xv=cython.float)
-    cython.declare(yv=cython.float, det=cython.float, b=cython.float, d=cython.float, lever=cython.float)
+    cython.declare(r=cython.Py_ssize_t, c=cython.Py_ssize_t, i=cython.Py_ssize_t, count=cython.Py_ssize_t)
+    cython.declare(p=cython.float, a=cython.float, b=cython.float, d=cython.float, e=cython.float, f=cython.float)
+    cython.declare(g=cython.float, h=cython.float, k=cython.float)
+    w = cython.declare(cython.float[256])
+    x = cython.declare(cython.float[256])
+    xx = cython.declare(cython.float[256])
+    y = cython.declare(cython.float[256])
+    yy = cython.declare(cython.float[256])
+    xy = cython.declare(cython.float[256])
+    v = cython.declare(cython.float[256])
+    xv = cython.declare(cython.float[256])
+    yv = cython.declare(cython.float[256])
+    lever = cython.declare(cython.float[256])
+    one: cython.float = 1
     with cython.nogil:
         for r in range(sums.shape[1]):
-            for c in range(sums.shape[2]):
-                per = sums[0, r, c]
-                per = 1 / (per if per > TINY else TINY)
-                x, y, v = sums[1, r, c] * per, sums[3, r, c] * per, sums[6, r, c] * per
-                xx = sums[2, r, c] * per - x * x
-                yy = sums[4, r, c] * per - y * y
-                xy = sums[5, r, c] * per - x * y
-                xv = sums[7, r, c] * per - x * v
-                yv = sums[8, r, c] * per - y * v
-                det = xx * yy - xy * xy
-                det = det if det > TINY else TINY
-                b, d = (yy * xv - xy * yv) / det, (xx * yv - xy * xv) / det
-                lever = (yy * (x * x) - 2 * xy * (x * y) + xx * (y * y)) / det
-                planes[0, r, c], planes[1, r, c], planes[2, r, c] = v - (b * x + d * y), b, d
-                shape[0, r, c], shape[1, r, c] = x, y
-                shape[2, r, c], shape[3, r, c], shape[4, r, c] = xx, yy, xy
-                loose[0, r, c], loose[1, r, c] = per, 1 + (lever if lever > 0 else 0)
+            c = 0
+            while c < sums.shape[2]:
+                count = min(CHUNK, sums.shape[2] - c)
+                for i in range(count):
+                    w[i] = sums[0, r, c + i]
+                    x[i] = sums[1, r, c + i]
+                    xx[i] = sums[2, r, c + i]
+                    y[i] = sums[3, r, c + i]
+                    yy[i] = sums[4, r, c + i]
+                    xy[i] = sums[5, r, c + i]
+                    v[i] = sums[6, r, c + i]
+                    xv[i] = sums[7, r, c + i]
+                    yv[i] = sums[8, r, c + i]
+                for i in range(count):  # which nobody else can write to: many are made at a time
+                    p = w[i]
+                    p = one / (p if p > TINY else TINY)
+                    a, b, d = x[i] * p, y[i] * p, v[i] * p
+                    e, f, g = xx[i] * p - a * a, yy[i] * p - b * b, xy[i] * p - a * b
+                    h, k = xv[i] * p - a * d, yv[i] * p - b * d
+                    w[i], x[i], y[i], xx[i], yy[i], xy[i] = p, a, b, e, f, g
+                    p = e * f - g * g
+                    p = p if p > TINY else TINY
+                    h, k = (f * h - g * k) / p, (e * k - g * h) / p
+                    p = (f * (a * a) - (g + g) * (a * b) + e * (b * b)) / p
+                    v[i], xv[i], yv[i] = d - (h * a + k * b), h, k
+                    lever[i] = one + (p if p > 0 else p - p)
+                for i in range(count):
+                    planes[0, r, c + i] = v[i]
+                    planes[1, r, c + i] = xv[i]
+                    planes[2, r, c + i] = yv[i]
+                    shape[0, r, c + i] = x[i]
+                    shape[1, r, c + i] = y[i]
+                    shape[2, r, c + i] = xx[i]
+                    shape[3, r, c + i] = yy[i]
+                    shape[4, r, c + i] = xy[i]
+                    loose[0, r, c + i] = w[i]
+                    loose[1, r, c + i] = lever[i]
+                c += CHUNK
 
 
 def judge(

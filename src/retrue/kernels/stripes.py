@@ -326,14 +326,14 @@ def accept(
         for y in range(code.shape[0]):
             r = y // cell
             j = cython.cast(cython.float, y - r * cell) - middle
-            for x in range(code.shape[1]):
-                if certain[y, x] | smooth[y, x]:
-                    c = x // cell
-                    i = cython.cast(cython.float, x - c * cell) - middle
-                    a, b = (i, j) if along == 1 else (j, i)
-                    a = planes[0, r, c] + planes[1, r, c] * a + planes[2, r, c] * b
-                    certain[y, x] &= sure[r, c]
-                    smooth[y, x] &= even[r, c] & (fabs(code[y, x] - a) < farthest)
+            for c in range(sure.shape[1]):
+                for x in range(c * cell, min((c + 1) * cell, code.shape[1])):
+                    if certain[y, x] | smooth[y, x]:
+                        i = cython.cast(cython.float, x - c * cell) - middle
+                        a, b = (i, j) if along == 1 else (j, i)
+                        a = planes[0, r, c] + planes[1, r, c] * a + planes[2, r, c] * b
+                        certain[y, x] &= sure[r, c]
+                        smooth[y, x] &= even[r, c] & (fabs(code[y, x] - a) < farthest)
 
 
 def coordinates(
@@ -341,7 +341,7 @@ def coordinates(
     planes: cython.const[cython.float][:, :, ::1],
     error: cython.const[cython.float][:, ::1],
     frame: tuple[cython.Py_ssize_t, cython.Py_ssize_t],
-    cell: cython.Py_ssize_t,
+    cell: cython.int,
     along: cython.Py_ssize_t,
     centre: cython.double,
     step: cython.double,
@@ -353,19 +353,24 @@ def coordinates(
 
     `pixels` are flat indices into a band; `frame`: its width, and which row of the cells' picture it begins at.
     """
-    cython.declare(k=cython.Py_ssize_t, y=cython.Py_ssize_t, x=cython.Py_ssize_t, r=cython.Py_ssize_t)
-    cython.declare(c=cython.Py_ssize_t, a=cython.float, b=cython.float)
+    cython.declare(k=cython.Py_ssize_t, y=cython.int, x=cython.int, r=cython.int, c=cython.int, below=cython.int)
+    cython.declare(a=cython.float, b=cython.float, i=cython.float, j=cython.float, start=cython.Py_ssize_t)
     middle: cython.float = (cell - 1) / cython.cast(cython.float, 2)
     width: cython.Py_ssize_t = frame[0]
-    top: cython.Py_ssize_t = frame[1]
+    below = cython.cast(cython.int, frame[1])
+    start, y, r, j = 0, below, below // cell, below % cell - middle
     with cython.nogil:
         for k in range(pixels.shape[0]):
-            y = pixels[k] // width
-            x = pixels[k] - y * width
-            y += top
-            r, c = y // cell, x // cell
-            a, b = cython.cast(cython.float, x % cell) - middle, cython.cast(cython.float, y % cell) - middle
-            a, b = (a, b) if along == 1 else (b, a)
+            if not 0 <= pixels[k] - start < width:
+                y = cython.cast(cython.int, pixels[k] // width)
+                start = y * width
+                y += below
+                r = y // cell
+                j = (y - r * cell) - middle
+            x = cython.cast(cython.int, pixels[k] - start)
+            c = x // cell
+            i = (x - c * cell) - middle
+            a, b = (i, j) if along == 1 else (j, i)
             a = planes[0, r, c] + planes[1, r, c] * a + planes[2, r, c] * b
             px[k] = (a + centre) * step - 0.5
             found[k] = error[r, c]

@@ -55,8 +55,7 @@ def plane_bias(
     whole = whole & (x * x + y * y < np.float32(CENTRED * cell) ** 2).view(np.uint8)
     terms, bias, bent = np.empty((6, *x.shape), np.float32), np.empty_like(x), np.empty_like(whole)
     kernel.changes(np.stack(slopes), whole, APART, 2 * APART * cell, along, terms)
-    room = np.zeros((20, x.shape[1] + REACH - 1), np.float32)
-    count = kernel.bias(terms, shape, sigma, REACH // 2, ALIKE, BEYOND_DOUBT, room, bias, bent)
+    count = kernel.bias(terms, shape, sigma, ALIKE, BEYOND_DOUBT, bias, bent)
     if not count > ALIKE:
         return np.zeros_like(bias)
     told = np.float32(MOST) * _sum_around((bias != 0).astype(np.float32))
