@@ -66,7 +66,7 @@ def test_moments_are_means_over_cells(along: int) -> None:
     place = np.sort(rng.choice(8 * 12, 40, replace=False)).astype(np.int32)
     seen = rng.random((3, 40)).astype(np.float32)
     sums, room = np.zeros((9, 2, 3), np.float32), np.zeros((3, 9), np.float32)
-    stripes.moments(place, seen, 12, 4, along, room, sums)
+    stripes.moments(place, seen, 12, 4, along, 0, room, sums)
     y, x = np.divmod(place, 12)
     a, b = (x % 4 - 1.5, y % 4 - 1.5) if along == 1 else (y % 4 - 1.5, x % 4 - 1.5)
     w, a, v = seen[0], seen[1] + a, seen[2]

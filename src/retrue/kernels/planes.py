@@ -78,24 +78,29 @@ def solve(
 def judge(
     misses: cython.const[cython.float][:, :, ::1],
     loose: cython.const[cython.float][:, :, ::1],
-    floor: cython.float,
-    scale: cython.float,
-    largest: cython.float,
-    mean_square: cython.float[:, ::1],
+    noise: tuple[cython.float, cython.float],
+    limits: tuple[cython.float, cython.float],
     variance: cython.float[:, ::1],
+    even: cython.uchar[:, ::1],
+    sure: cython.uchar[:, ::1],
     whole: cython.uchar[:, ::1],
 ) -> None:
-    """Of each window's `misses` (3, R, C), sums of w off^2, of w and of 1: `mean_square` <- mean of off^2; `variance`
-    <- that of the plane's a, `loose` as `solve` has it; `whole` <- whether the mean is below `largest`.
+    """Of each window's `misses` (3, R, C), sums of w off^2, of w and of 1: `variance` <- that of the plane's a, `loose` as
+    `solve` has it; `even` <- whether the mean of off^2 is below the first of `limits`, `sure` <- the variance below the
+    second; `whole` <- even, and by any edge at all.
 
-    An edge of weight 1 scatters by at least `floor`; `scale` makes sums of weights of what `solve` divided by.
+    `noise`: by how much an edge of weight 1 scatters at least; and what makes sums of weights of what `solve` divided by.
     """
-    cython.declare(r=cython.Py_ssize_t, c=cython.Py_ssize_t, square=cython.float, own=cython.float)
+    cython.declare(r=cython.Py_ssize_t, c=cython.Py_ssize_t, own=cython.float, floor=cython.float)
+    cython.declare(scale=cython.float, rough=cython.float, most=cython.float)
+    floor, scale = noise[0], noise[1]
+    rough, most = limits[0], limits[1]
     with cython.nogil:
         for r in range(misses.shape[1]):
             for c in range(misses.shape[2]):
-                square = misses[0, r, c] / (misses[1, r, c] + TINY)
                 own = misses[0, r, c] / (misses[2, r, c] + TINY) + floor
-                mean_square[r, c] = square
                 variance[r, c] = own * loose[0, r, c] * loose[1, r, c] * scale
-                whole[r, c] = (square < largest) & (misses[1, r, c] > TINY)
+            for c in range(misses.shape[2]):
+                even[r, c] = misses[0, r, c] / (misses[1, r, c] + TINY) < rough
+                sure[r, c] = variance[r, c] < most
+                whole[r, c] = even[r, c] & (misses[1, r, c] > TINY)

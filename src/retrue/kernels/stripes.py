@@ -205,12 +205,14 @@ def moments(
     width: cython.int,
     cell: cython.int,
     along: cython.Py_ssize_t,
+    begin: cython.Py_ssize_t,
     row: cython.float[:, ::1],
     sums: cython.float[:, :, ::1],
 ) -> None:
     """`sums` (9, cell rows, cell columns), zero before, <- means over cells of w, wx, wxx, wy, wyy, wxy, wv, wxv, wyv.
 
-    x runs along the axis, y across, both from the cell's centre; `row` (cell columns, 9) is room, zero before.
+    x runs along the axis, y across, both from the cell's centre; `row` (cell columns, 9) is room, zero before. The band
+    begins at row `begin` of the cells.
     """
     cython.declare(k=cython.Py_ssize_t, m=cython.Py_ssize_t, y=cython.int, x=cython.int, c=cython.int)
     cython.declare(w=cython.float, a=cython.float, b=cython.float, wa=cython.float, wb=cython.float, wv=cython.float)
@@ -235,8 +237,9 @@ def moments(
                     if k == count or y // cell != r:
                         for m in range(9):
                             for c in range(row.shape[0]):
-                                sums[m, r, c] = row[c, m]
-                                row[c, m] = 0
+                                if row[c, m] != 0:  # most are where there are few edges
+                                    sums[m, begin + r, c] = row[c, m]
+                                    row[c, m] = 0
                         r = y // cell
                         top = r * cell
                     x = place[k] - start if k < count else 0
@@ -265,20 +268,23 @@ def misses(
     width: cython.int,
     cell: cython.int,
     along: cython.Py_ssize_t,
+    begin: cython.Py_ssize_t,
     sums: cython.float[:, :, ::1],
 ) -> None:
     """`sums` (3, cell rows, cell columns), zero before, <- means of w off^2, of w and of 1, `off` from the own plane.
 
-    `planes` (3, cell rows, cell columns): value in the cell's centre, slopes along the axis and across it.
+    `planes` (3, cell rows, cell columns): value in the cell's centre, slopes along the axis and across it. The band
+    begins at row `begin` of the cells.
     """
-    cython.declare(k=cython.Py_ssize_t, y=cython.int, x=cython.int, r=cython.int, c=cython.int, left=cython.int)
+    cython.declare(k=cython.Py_ssize_t, y=cython.int, x=cython.int, r=cython.Py_ssize_t, c=cython.int, left=cython.int)
     cython.declare(a=cython.float, b=cython.float, off=cython.float, start=cython.int)
     cython.declare(square=cython.float, weight=cython.float, number=cython.float)
     count: cython.Py_ssize_t = place.shape[0]
     middle: cython.float = (cell - 1) / cython.cast(cython.float, 2)
     per_pixel: cython.float = 1 / cython.cast(cython.float, cell * cell)
     with cython.nogil:
-        y = r = start = left = 0
+        y = start = left = 0
+        r = begin
         square = weight = number = 0
         for k in range(count):
             x = place[k] - start
@@ -290,11 +296,11 @@ def misses(
                 square = weight = number = 0
                 if x >= width:
                     y = place[k] // width
-                    start, r = y * width, y // cell
+                    start, r = y * width, begin + y // cell
                     x = place[k] - start
                 left = x // cell
             a = (x - left * cell) - middle
-            b = (y - r * cell) - middle
+            b = (y % cell) - middle
             a, b = (a, b) if along == 1 else (b, a)
             off = seen[2, k] - (planes[0, r, left] + planes[1, r, left] * a + planes[2, r, left] * b)
             off = off - planes[1, r, left] * seen[1, k]
@@ -312,28 +318,33 @@ def accept(
     planes: cython.const[cython.float][:, :, ::1],
     sure: cython.const[cython.uchar][:, ::1],
     even: cython.const[cython.uchar][:, ::1],
-    cell: cython.Py_ssize_t,
+    top: cython.Py_ssize_t,
+    cell: cython.int,
     along: cython.Py_ssize_t,
     farthest: cython.float,
     certain: cython.uchar[:, ::1],
     smooth: cython.uchar[:, ::1],
 ) -> None:
-    """`certain`, `smooth` stay where the cell is `sure`, is `even` and holds the pixel's own code within `farthest`."""
-    cython.declare(y=cython.Py_ssize_t, x=cython.Py_ssize_t, r=cython.Py_ssize_t, c=cython.Py_ssize_t)
+    """`certain`, `smooth` stay where the cell is `sure`, is `even` and holds the pixel's own code within `farthest`.
+
+    The band begins at row `top` of the cells.
+    """
+    cython.declare(y=cython.Py_ssize_t, r=cython.Py_ssize_t, x=cython.int, c=cython.int, width=cython.int)
     cython.declare(a=cython.float, b=cython.float, i=cython.float, j=cython.float)
     middle: cython.float = (cell - 1) / cython.cast(cython.float, 2)
+    width = cython.cast(cython.int, code.shape[1])
     with cython.nogil:
         for y in range(code.shape[0]):
             r = y // cell
             j = cython.cast(cython.float, y - r * cell) - middle
-            for c in range(sure.shape[1]):
-                for x in range(c * cell, min((c + 1) * cell, code.shape[1])):
-                    if certain[y, x] | smooth[y, x]:
-                        i = cython.cast(cython.float, x - c * cell) - middle
-                        a, b = (i, j) if along == 1 else (j, i)
-                        a = planes[0, r, c] + planes[1, r, c] * a + planes[2, r, c] * b
-                        certain[y, x] &= sure[r, c]
-                        smooth[y, x] &= even[r, c] & (fabs(code[y, x] - a) < farthest)
+            for x in range(width):
+                if certain[y, x] | smooth[y, x]:
+                    c = x // cell
+                    i = (x - c * cell) - middle
+                    a, b = (i, j) if along == 1 else (j, i)
+                    a = planes[0, top + r, c] + planes[1, top + r, c] * a + planes[2, top + r, c] * b
+                    certain[y, x] &= sure[top + r, c]
+                    smooth[y, x] &= even[top + r, c] & (fabs(code[y, x] - a) < farthest)
 
 
 def coordinates(

@@ -17,15 +17,7 @@ from numpy.typing import NDArray
 from retrue.decoding.gray.bits import CodeImage, decode_axis
 from retrue.decoding.gray.plan import MAX_CELL, UNDECIDED, Plan
 from retrue.decoding.gray.sequence import GraySequence, Stripes
-from retrue.decoding.gray.stripe_edges import (
-    LARGEST_RESIDUAL,
-    LARGEST_SIGMA,
-    Edges,
-    FloatImage,
-    PlaneFit,
-    PlaneFitter,
-    find_edges,
-)
+from retrue.decoding.gray.stripe_edges import Edges, FloatImage, PlaneFit, PlaneFitter, find_edges
 from retrue.geometry.arrays import BoolArray, FloatArray, Image
 from retrue.kernels import stripes as kernel
 
@@ -128,12 +120,12 @@ def read_depth(
         here = slice(rows.start, rows.stop)
         certain[here], smooth[here] = inside[here], inside[here]
         for code, fit in zip(codes, fits, strict=True):
-            cells = slice(rows.start // fit.cell, -(-rows.stop // fit.cell))
             kernel.accept(
                 code[here],
-                np.ascontiguousarray(fit.planes[:, cells]),
-                (fit.variance[cells] < LARGEST_SIGMA**2).view(np.uint8),
-                (fit.mean_square[cells] < LARGEST_RESIDUAL**2).view(np.uint8),
+                fit.planes,
+                fit.sure,
+                fit.even,
+                rows.start // fit.cell,
                 fit.cell,
                 fit.along,
                 FARTHEST_CODE,

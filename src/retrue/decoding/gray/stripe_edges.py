@@ -10,6 +10,7 @@ are separable filters over cells.
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import cast
 
@@ -36,8 +37,10 @@ LARGEST_RESIDUAL = 0.25
 """Stripes, RMS: edges that scatter more about their plane belong to several surfaces, or to none."""
 LARGEST_SIGMA = 0.05
 """Stripes: above it, too few edges, or all of them to one side."""
-MARGIN = 8
-"""Cells, about those that hold points, for which bends are sought."""
+MARGIN = 16
+"""Cells about those that hold edges, or points, that are looked at too."""
+ALIGNED = 32
+"""Cells, at multiples of which runs begin: sums round as those of whole rows do."""
 MOMENTS = ("", "x", "xx", "y", "yy", "xy", "v", "xv", "yv")
 """Of the weights, and of what they are multiplied by."""
 
@@ -63,15 +66,15 @@ class PlaneFit:
     Attributes
     ----------
     planes : (3, rows, columns), sub-pixel n in the cell's centre, and its slopes along and across the axis.
-    mean_square : of the distances of the window's edges from their own cell's plane, in stripes^2.
-    variance : of the planes' n, in stripes^2, from how the edges scatter; grows where they lie to one side.
-    error : the same, as the planes themselves scatter.
+    sure : whether enough edges, on all sides, tell it.
+    even : whether the window's edges lie on their own cell's plane.
+    error : variance of n, in stripes^2, as the planes scatter.
     cell, along : side of a cell in pixels, array axis of comparison.
     """
 
     planes: FloatImage
-    mean_square: FloatImage
-    variance: FloatImage
+    sure: NDArray[np.uint8]
+    even: NDArray[np.uint8]
     error: FloatImage
     cell: int
     along: int
@@ -115,72 +118,80 @@ class PlaneFitter:
         height, self._width = shape
         cells = -(-height // cell), -(-self._width // cell)  # the last ones cut off by the border
         self._cell, self._along = cell, along
-        self._sums, self._misses = np.empty((len(MOMENTS), *cells), np.float32), np.empty((3, *cells), np.float32)
-        self._planes, self._shape = np.empty((3, *cells), np.float32), np.empty((5, *cells), np.float32)
-        self._loose = np.empty((2, *cells), np.float32)
-        self._mean_square, self._variance = np.empty(cells, np.float32), np.empty(cells, np.float32)
-        self._whole = np.empty(cells, np.uint8)
+        self._sums, self._misses, self._planes, self._shape, self._loose = (
+            np.zeros((count, *cells), np.float32) for count in (len(MOMENTS), 3, 3, 5, 2)
+        )
+        self._variance = np.zeros(cells, np.float32)
+        self._even, self._sure, self._whole = (np.zeros(cells, np.uint8) for _ in range(3))
 
     def add(self, rows: range, edges: Edges) -> None:
         """First: the edges of every band."""
-        here = self._cells(rows)
-        own = np.zeros((len(MOMENTS), here.stop - here.start, self._planes.shape[2]), np.float32)
-        room = np.zeros((own.shape[2], len(MOMENTS)), np.float32)
-        kernel.moments(edges.place, edges.seen, self._width, self._cell, self._along, room, own)
-        self._sums[:, here] = own
+        room = np.zeros((self._sums.shape[2], len(MOMENTS)), np.float32)
+        top = rows.start // self._cell
+        kernel.moments(edges.place, edges.seen, self._width, self._cell, self._along, top, room, self._sums)
 
     def fit(self, rows: range, edges: Edges) -> None:
         """Second: the planes of a band, and by how much its edges miss them."""
         here = self._cells(rows)
-        around, inner = self._around(here)
-        own = dict(zip(MOMENTS, self._sums[:, around], strict=True))
-        sums = _windowed(own, self._cell, self._along)
-        sums = np.stack([sums[name][inner] for name in MOMENTS])
-        planes, shape, loose = (np.empty((n, *sums.shape[1:]), np.float32) for n in (3, 5, 2))
-        planes_kernel.solve(sums, planes, shape, loose)
-        self._planes[:, here], self._shape[:, here], self._loose[:, here] = planes, shape, loose
-        missed = np.zeros((3, *sums.shape[1:]), np.float32)
-        kernel.misses(edges.place, edges.seen, planes, self._width, self._cell, self._along, missed)
-        self._misses[:, here] = missed
+        for around, inner, columns in self._windows(here):
+            own = dict(zip(MOMENTS, self._sums[around], strict=True))
+            sums = _windowed(own, self._cell, self._along)
+            sums = np.stack([sums[name][inner] for name in MOMENTS])
+            planes, shape, loose = (np.empty((n, *sums.shape[1:]), np.float32) for n in (3, 5, 2))
+            planes_kernel.solve(sums, planes, shape, loose)
+            for whole, part in ((self._planes, planes), (self._shape, shape), (self._loose, loose)):
+                whole[:, here, columns] = part
+        planes, frame = self._planes, (self._width, self._cell, self._along, here.start)
+        kernel.misses(edges.place, edges.seen, planes, *frame, self._misses)
 
     def judge(self, rows: range) -> None:
         """Third: how well the planes of a band fit."""
-        here = self._cells(rows)
-        around, inner = self._around(here)
-        window = _kernel(self._cell, 0)
-        missed = np.stack([_filtered(_filtered(own, window, 0), window, 1)[inner] for own in self._misses[:, around]])
-        planes_kernel.judge(
-            missed,
-            np.ascontiguousarray(self._loose[:, here]),
-            (EDGE_SIGMA / self._cell) ** 2,
-            0.5 / self._cell**2,
-            LARGEST_RESIDUAL**2,
-            self._mean_square[here],
-            self._variance[here],
-            self._whole[here],
-        )
+        here, window = self._cells(rows), _kernel(self._cell, 0)
+        for around, inner, columns in self._windows(here):
+            missed = [_filtered(_filtered(own, window, 0), window, 1)[inner] for own in self._misses[around]]
+            variance = np.empty(missed[0].shape, np.float32)
+            even, sure, whole = (np.empty(variance.shape, np.uint8) for _ in range(3))
+            planes_kernel.judge(
+                np.stack(missed),
+                np.ascontiguousarray(self._loose[:, here, columns]),
+                ((EDGE_SIGMA / self._cell) ** 2, 0.5 / self._cell**2),
+                (LARGEST_RESIDUAL**2, LARGEST_SIGMA**2),
+                variance,
+                even,
+                sure,
+                whole,
+            )
+            for own, part in ((self._variance, variance), (self._even, even), (self._sure, sure), (self._whole, whole)):
+                own[here, columns] = part
 
     def fitted(self) -> PlaneFit:
         """At last: the planes of all bands, without what bent surfaces make of them."""
-        error = self._variance.copy()
         here = tuple(_filled(self._whole.any(axis=1 - axis)) for axis in range(2))  # all points are of whole windows
         value, *slopes = (np.ascontiguousarray(own[here]) for own in self._planes)
         variance, whole = (np.ascontiguousarray(own[here]) for own in (self._variance, self._whole))
         moments = {name: own[here] for name, own in zip(("x", "y", "xx", "yy", "xy"), self._shape, strict=True)}
         value -= plane_bias((slopes[0], slopes[1]), moments, np.sqrt(variance), whole, self._cell, self._along)
-        error[here] *= scatter_level(value, variance, whole)
+        self._variance[here] *= scatter_level(value, variance, whole)
         self._planes[0][here] = value
-        return PlaneFit(self._planes, self._mean_square, self._variance, error, self._cell, self._along)
+        return PlaneFit(self._planes, self._sure, self._even, self._variance, self._cell, self._along)
+
+    def _windows(self, here: slice) -> Iterator[tuple[tuple[slice, ...], tuple[slice, slice], slice]]:
+        """Of those rows of cells the runs of columns that edges can be seen from, as their columns; the part of the
+        picture's sums that their windows see; and where in this they are."""
+        height, width = self._planes.shape[1:]
+        top, bottom = max(here.start - WINDOW_RADIUS, 0), min(here.stop + WINDOW_RADIUS, height)
+        filled = np.flatnonzero(self._sums[0, top:bottom].any(axis=0))
+        ends = np.flatnonzero(np.diff(filled) > 2 * MARGIN)
+        for first, last in zip(filled[np.r_[0, ends + 1]], filled[np.r_[ends, -1]], strict=True) if len(filled) else ():
+            left, right = max(int(first) - MARGIN, 0) // ALIGNED * ALIGNED, min(int(last) + MARGIN + 1, width)
+            start = left + WINDOW_RADIUS if left else 0
+            stop = right - WINDOW_RADIUS if right < width else width
+            inner = slice(here.start - top, here.stop - top), slice(start - left, stop - left)
+            yield (slice(None), slice(top, bottom), slice(left, right)), inner, slice(start, stop)
 
     def _cells(self, rows: range) -> slice:
         """The rows of cells of a band."""
         return slice(rows.start // self._cell, -(-rows.stop // self._cell))
-
-    def _around(self, here: slice) -> tuple[slice, slice]:
-        """Rows of cells that the windows of some reach, and where among these they are."""
-        top = max(here.start - WINDOW_RADIUS, 0)
-        around = slice(top, min(here.stop + WINDOW_RADIUS, self._planes.shape[1]))
-        return around, slice(here.start - top, here.stop - top)
 
 
 def _filled(cells: BoolArray) -> slice:
