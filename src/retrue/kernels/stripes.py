@@ -330,6 +330,7 @@ def accept(
     The band begins at row `top` of the cells.
     """
     cython.declare(y=cython.Py_ssize_t, r=cython.Py_ssize_t, x=cython.int, c=cython.int, width=cython.int)
+    cython.declare(start=cython.int, stop=cython.int, any_one=cython.uchar)
     cython.declare(a=cython.float, b=cython.float, i=cython.float, j=cython.float)
     middle: cython.float = (cell - 1) / cython.cast(cython.float, 2)
     width = cython.cast(cython.int, code.shape[1])
@@ -337,14 +338,18 @@ def accept(
         for y in range(code.shape[0]):
             r = y // cell
             j = cython.cast(cython.float, y - r * cell) - middle
-            for x in range(width):
-                if certain[y, x] | smooth[y, x]:
-                    c = x // cell
-                    i = (x - c * cell) - middle
-                    a, b = (i, j) if along == 1 else (j, i)
-                    a = planes[0, top + r, c] + planes[1, top + r, c] * a + planes[2, top + r, c] * b
-                    certain[y, x] &= sure[top + r, c]
-                    smooth[y, x] &= even[top + r, c] & (fabs(code[y, x] - a) < farthest)
+            for start in range(0, width, 64):
+                stop, any_one = min(start + 64, width), 0
+                for x in range(start, stop):
+                    any_one |= certain[y, x] | smooth[y, x]
+                for x in range(start, stop if any_one else start):
+                    if certain[y, x] | smooth[y, x]:
+                        c = x // cell
+                        i = (x - c * cell) - middle
+                        a, b = (i, j) if along == 1 else (j, i)
+                        a = planes[0, top + r, c] + planes[1, top + r, c] * a + planes[2, top + r, c] * b
+                        certain[y, x] &= sure[top + r, c]
+                        smooth[y, x] &= even[top + r, c] & (fabs(code[y, x] - a) < farthest)
 
 
 def coordinates(
