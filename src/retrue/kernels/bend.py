@@ -46,8 +46,8 @@ def bias(
     found: cython.float[:, ::1],
     bent: cython.uchar[:, ::1],
 ) -> int:
-    """`found` (R, C) <- by how much each plane errs, by the mean changes of slope, `terms` as `changes` has them, of the
-    cells within REACH; `bent` <- where that exceeds `sigma`, and by `doubt` its own standard error; how many do.
+    """`found` (R, C) <- by how much each plane errs, by the mean changes of slope, `terms` as `changes` has them, of
+    the cells within REACH; `bent` <- where that exceeds `sigma`, and by `doubt` its own standard error; how many do.
 
     `shape` (5, R, C): mean x and y of each window, and its moments xx, yy, xy about them. Of each mean `alike`
     neighbours count as one.

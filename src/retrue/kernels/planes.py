@@ -85,11 +85,11 @@ def judge(
     sure: cython.uchar[:, ::1],
     whole: cython.uchar[:, ::1],
 ) -> None:
-    """Of each window's `misses` (3, R, C), sums of w off^2, of w and of 1: `variance` <- that of the plane's a, `loose` as
-    `solve` has it; `even` <- whether the mean of off^2 is below the first of `limits`, `sure` <- the variance below the
-    second; `whole` <- even, and by any edge at all.
+    """How well planes fit, of each window's `misses` (3, R, C): sums of w off^2, of w and of 1.
 
-    `noise`: by how much an edge of weight 1 scatters at least; and what makes sums of weights of what `solve` divided by.
+    `variance` <- that of the plane's a, `loose` as `solve` has it; `even` <- whether the mean of off^2 is below the
+    first of `limits`, `sure` <- the variance below the second; `whole` <- even, and by any edge at all. `noise`: by how
+    much an edge of weight 1 scatters at least, and what makes sums of weights of what `solve` divided by.
     """
     cython.declare(r=cython.Py_ssize_t, c=cython.Py_ssize_t, own=cython.float, floor=cython.float)
     cython.declare(scale=cython.float, rough=cython.float, most=cython.float)

@@ -67,9 +67,9 @@ def read_gray(sequence: GraySequence, threads: ThreadPoolExecutor, *, thorough: 
     depths = _depths(sequence, thorough)
     whole = band_rows(sequence.white.shape[0])
     here, columns, lit = _lit_box(depths[0], whole, threads)
-    rows = slice(whole[here.start].start, whole[here.stop - 1].stop)
-    bands = band_rows(rows.stop - rows.start)
-    depths = [Depth(depth.sequence.part(rows, columns), depth.plan) for depth in depths]
+    top, bottom = whole[here.start].start, whole[here.stop - 1].stop
+    bands = band_rows(bottom - top)
+    depths = [Depth(depth.sequence.part(slice(top, bottom), columns), depth.plan) for depth in depths]
     first = read_depth(depths[0], bands, threads, None)
     require_inside(int(np.count_nonzero(first.agreed)), first.outside, first.largest, sequence.stripes)
     good = first.certain & first.smooth
@@ -91,13 +91,11 @@ def read_gray(sequence: GraySequence, threads: ThreadPoolExecutor, *, thorough: 
     ]
 
 
-def _lit_box(
-    depth: Depth, bands: Sequence[range], threads: ThreadPoolExecutor
-) -> tuple[slice, slice, tuple[int, ...]]:
+def _lit_box(depth: Depth, bands: Sequence[range], threads: ThreadPoolExecutor) -> tuple[slice, slice, tuple[int, ...]]:
     """Which bands, and which columns, hold all pixels that are lit and not alone, all columns where that saves little;
     and how many each band has lit."""
-    counts, filled = zip(*threads.map(partial(lit_columns, depth), bands), strict=True)
-    lit = np.stack(filled)
+    seen = list(threads.map(partial(lit_columns, depth), bands))
+    counts, lit = tuple(count for count, _ in seen), np.stack([filled for _, filled in seen])
     width = lit.shape[1]
     here, columns = np.flatnonzero(lit.any(axis=1)), np.flatnonzero(lit.any(axis=0))
     if not len(columns):
@@ -112,9 +110,7 @@ def band_rows(height: int) -> list[range]:
     return [range(start, min(start + BAND_ROWS, height)) for start in range(0, height, BAND_ROWS)]
 
 
-def _band(
-    read: Sequence[tuple[Depth, Reading, BoolArray]], depths: int, left: int, width: int, rows: range
-) -> Band:
+def _band(read: Sequence[tuple[Depth, Reading, BoolArray]], depths: int, left: int, width: int, rows: range) -> Band:
     """A band of what was read, which begins at column `left` of pictures of that width."""
     found = [locate(depth.sequence.stripes, reading, rows, good) for depth, reading, good in read]
     here, first = slice(rows.start, rows.stop), read[0][1]

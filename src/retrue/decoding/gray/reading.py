@@ -8,7 +8,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
-from functools import partial, reduce
+from functools import reduce
 
 import cv2
 import numpy as np
@@ -83,9 +83,7 @@ class Reading:
     largest: tuple[int, ...]
 
 
-def read_depth(
-    depth: Depth, bands: Sequence[range], threads: ThreadPoolExecutor, wanted: BoolArray | None
-) -> Reading:
+def read_depth(depth: Depth, bands: Sequence[range], threads: ThreadPoolExecutor, wanted: BoolArray | None) -> Reading:
     """All of a picture at one depth, or what `wanted` of its pixels need; bands start at multiples of MAX_CELL."""
     shape, axes = depth.sequence.white.shape, range(len(depth.sequence.stripes))
     lit, agreed, inside, certain, smooth = (np.zeros(shape, np.bool_) for _ in range(5))
@@ -110,9 +108,8 @@ def read_depth(
         for fitter in fitters:
             fitter.judge(rows)
 
-    edges, beyond = zip(*threads.map(look, bands), strict=True)
-    outside, largest = np.array(beyond).transpose(2, 1, 0)
-    list(threads.map(fit, bands, edges))
+    seen = list(threads.map(look, bands))
+    list(threads.map(fit, bands, [edges for edges, _ in seen]))
     list(threads.map(judge, bands))
     fits = list(threads.map(PlaneFitter.fitted, fitters))
 
@@ -134,10 +131,9 @@ def read_depth(
             )
 
     list(threads.map(accept, bands))
-    outside_of = tuple(int(own.sum()) for own in outside)
-    return Reading(
-        lit, agreed, inside, certain, smooth, fits, outside_of, tuple(int(own.max(initial=0)) for own in largest)
-    )
+    outside = tuple(sum(beyond[axis][0] for _, beyond in seen) for axis in axes)
+    largest = tuple(max(beyond[axis][1] for _, beyond in seen) for axis in axes)
+    return Reading(lit, agreed, inside, certain, smooth, fits, outside, largest)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -156,7 +152,9 @@ def lit_columns(depth: Depth, rows: range) -> tuple[int, BoolArray]:
     """How many pixels of a band are lit, and (width,) which columns hold one that is so with all around it."""
     lit = _light(depth, slice(rows.start, rows.stop))[2]
     inner = cv2.erode(lit.view(np.uint8), np.ones((3, 3), np.uint8))
-    return int(np.count_nonzero(lit)), cv2.dilate(inner.max(axis=0)[None], np.ones((1, 3), np.uint8))[0].astype(np.bool_)
+    return int(np.count_nonzero(lit)), cv2.dilate(inner.max(axis=0)[None], np.ones((1, 3), np.uint8))[0].astype(
+        np.bool_
+    )
 
 
 def _light(depth: Depth, rows: slice) -> tuple[FloatImage, FloatImage, BoolArray]:

@@ -134,7 +134,7 @@ class PlaneFitter:
         """Second: the planes of a band, and by how much its edges miss them."""
         here = self._cells(rows)
         for around, inner, columns in self._windows(here):
-            own = dict(zip(MOMENTS, self._sums[around], strict=True))
+            own: dict[str, FloatImage] = dict(zip(MOMENTS, self._sums[around], strict=True))
             sums = _windowed(own, self._cell, self._along)
             sums = np.stack([sums[name][inner] for name in MOMENTS])
             planes, shape, loose = (np.empty((n, *sums.shape[1:]), np.float32) for n in (3, 5, 2))
@@ -166,9 +166,9 @@ class PlaneFitter:
 
     def fitted(self) -> PlaneFit:
         """At last: the planes of all bands, without what bent surfaces make of them."""
-        here = tuple(_filled(self._whole.any(axis=1 - axis)) for axis in range(2))  # all points are of whole windows
+        here = _filled(self._whole, 0), _filled(self._whole, 1)  # all points are of whole windows
         value, *slopes = (np.ascontiguousarray(own[here]) for own in self._planes)
-        variance, whole = (np.ascontiguousarray(own[here]) for own in (self._variance, self._whole))
+        variance, whole = np.ascontiguousarray(self._variance[here]), np.ascontiguousarray(self._whole[here])
         moments = {name: own[here] for name, own in zip(("x", "y", "xx", "yy", "xy"), self._shape, strict=True)}
         value -= plane_bias((slopes[0], slopes[1]), moments, np.sqrt(variance), whole, self._cell, self._along)
         self._variance[here] *= scatter_level(value, variance, whole)
@@ -194,9 +194,9 @@ class PlaneFitter:
         return slice(rows.start // self._cell, -(-rows.stop // self._cell))
 
 
-def _filled(cells: BoolArray) -> slice:
+def _filled(cells: NDArray[np.uint8], axis: int) -> slice:
     """From the first to the last row, or column, that holds any, and as far as it tells of a bend."""
-    filled = np.flatnonzero(cells)
+    filled = np.flatnonzero(cells.max(axis=1 - axis))
     return slice(max(int(filled[0]) - MARGIN, 0), int(filled[-1]) + MARGIN + 1) if len(filled) else slice(0, 1)
 
 

@@ -131,9 +131,13 @@ def _read_all_the_same(sequence: ArrangedSequence, fault: SineFault) -> tuple[Co
 
 
 def _without_ends(points: Correspondences) -> Correspondences:
-    """Without the projector's first column and row. A picture on its head shows pixel n at side - 1 - n, shifts that run
-    the other way at side - n, a turn less at its first pixel: which it is, only there matters by more than a pixel."""
-    kept = (points.projector_px > FIRST_PX).all(axis=1)
+    """Without the projector's first column and row.
+
+    A picture on its head shows pixel n at side - 1 - n, shifts that run the other way show it at side - n, which at
+    the first pixel is a turn less. Which it is, only there matters by more than a pixel.
+    """
+    x, y = points.projector_px.T
+    kept = (x > FIRST_PX) & (y > FIRST_PX)
     card, lost = points.card, int(np.count_nonzero(~kept))
     assert card is not None
     rejected = {**card.rejected, "beyond": card.rejected["beyond"] + lost}
