@@ -122,6 +122,6 @@ def bias(
                     m, n = total[i] * total[i], sigma[r, start + i]
                     bent[r, start + i] = (m > n * n) & (m > doubt * doubt * variance[i])
                 for i in range(width):
-                    count += bent[r, start + i]
+                    count = count + 1 if bent[r, start + i] else count
                 start += CHUNK
     return count

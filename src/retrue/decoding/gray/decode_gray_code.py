@@ -66,8 +66,8 @@ def read_gray(sequence: GraySequence, threads: ThreadPoolExecutor, *, thorough: 
     """
     depths = _depths(sequence, thorough)
     whole = band_rows(sequence.white.shape[0])
-    here, columns, lit = _lit_box(depths[0], whole, threads)
-    top, bottom = whole[here.start].start, whole[here.stop - 1].stop
+    (first_band, last_band), columns, lit = _lit_box(depths[0], whole, threads)
+    top, bottom = whole[first_band].start, whole[last_band].stop
     bands = band_rows(bottom - top)
     depths = [Depth(depth.sequence.part(slice(top, bottom), columns), depth.plan) for depth in depths]
     first = read_depth(depths[0], bands, threads, None)
@@ -87,22 +87,24 @@ def read_gray(sequence: GraySequence, threads: ThreadPoolExecutor, *, thorough: 
     dark = [Band(none, no_depths, 0, dict.fromkeys(REASONS, 0)) for _ in whole]
     return [
         replace(band, seen=count, rejected=band.rejected | {"alone": band.rejected["alone"] + count - band.seen})
-        for band, count in zip([*dark[: here.start], *found, *dark[here.stop :]], lit, strict=True)
+        for band, count in zip([*dark[:first_band], *found, *dark[last_band + 1 :]], lit, strict=True)
     ]
 
 
-def _lit_box(depth: Depth, bands: Sequence[range], threads: ThreadPoolExecutor) -> tuple[slice, slice, tuple[int, ...]]:
-    """Which bands, and which columns, hold all pixels that are lit and not alone, all columns where that saves little;
-    and how many each band has lit."""
+def _lit_box(
+    depth: Depth, bands: Sequence[range], threads: ThreadPoolExecutor
+) -> tuple[tuple[int, int], slice, tuple[int, ...]]:
+    """The first and the last band, and the columns, that hold all pixels that are lit and not alone, all columns where
+    that saves little; and how many each band has lit."""
     seen = list(threads.map(partial(lit_columns, depth), bands))
     counts, lit = tuple(count for count, _ in seen), np.stack([filled for _, filled in seen])
     width = lit.shape[1]
     here, columns = np.flatnonzero(lit.any(axis=1)), np.flatnonzero(lit.any(axis=0))
     if not len(columns):
-        return slice(0, 1), slice(0, width), counts
+        return (0, 0), slice(0, width), counts
     start, stop = int(columns[0]) // MAX_CELL * MAX_CELL, min((int(columns[-1]) // MAX_CELL + 1) * MAX_CELL, width)
     cut = slice(start, stop) if stop - start < WORTH_CUTTING * width else slice(0, width)
-    return slice(int(here[0]), int(here[-1]) + 1), cut, counts
+    return (int(here[0]), int(here[-1])), cut, counts
 
 
 def band_rows(height: int) -> list[range]:
