@@ -152,6 +152,28 @@ def test_unlit_half_is_left_out(shooting):
     assert len(points) > 0.8 * 120 * 180
 
 
+@pytest.mark.parametrize("rows", [32, 64])
+def test_bands_leave_no_seams(plain_shot, monkeypatch, rows):
+    whole = decode(PATTERN, plain_shot.pictures)  # a hundred and twenty-eight rows, and the rest
+    monkeypatch.setattr("retrue.decoding.gray.decode_gray_code.BAND_ROWS", rows)
+    parts = decode(PATTERN, plain_shot.pictures)
+    for name in ("camera_px", "projector_px", "projector_sigma_px", "light"):
+        np.testing.assert_array_equal(getattr(parts, name), getattr(whole, name))
+    assert parts.card == whole.card
+
+
+def test_where_nothing_is_lit_nothing_is_looked_at(shooting):
+    """Nor does it change what lies beside it: cut off or dark, the rest decodes alike."""
+    dark = np.ones((180, 240))
+    dark[:, :100] = dark[:140] = 0
+    shot = shooting(PATTERN, albedo=0.7 * dark)
+    points = decode(PATTERN, shot.pictures)
+    assert len(points) > 0.8 * 40 * 140
+    assert points.camera_px.min(axis=0).tolist() >= [100, 140]
+    assert np.sqrt(np.mean(errors(shot, points) ** 2)) < 0.05
+    assert points.card.seen == points.card.decoded + sum(points.card.rejected.values())
+
+
 def test_noise_does_not_decode():
     rng = np.random.default_rng(0)
     pictures = [rng.integers(0, 256, (120, 160), dtype=np.uint8) for _ in range(PATTERN.picture_count)]

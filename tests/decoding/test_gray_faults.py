@@ -197,3 +197,13 @@ def test_captures_as_people_hand_them_in(folder: str, cause: str):
     assert len(points) > 1000
     assert points.card is not None
     assert any(cause in line for line in points.card.advice)
+
+
+def test_a_late_camera_with_white_and_black_exchanged_is_read(pictures):
+    """One of the two is lost then, and the other is told by the brightest that its pixels have seen."""
+    *bits, white, black = pictures
+    taken = [np.zeros_like(white), *bits, black]
+    points = decode(PATTERN, taken)
+    assert len(points) > 0.8 * 240 * 180
+    assert "late by 1" in points.card.advice[0]
+    assert "exchanged" in points.card.advice[0]

@@ -112,3 +112,24 @@ def test_gains_that_one_sine_of_three_shifts_cannot_tell_are_ones() -> None:
 def test_what_cannot_be_read_is_named(change, said: str) -> None:
     with pytest.raises(CaptureError, match=said):
         decode(PATTERN, change(seen(FRAMES[0] + FRAMES[1])))
+
+
+def test_backwards_shifts_leave_no_pixel_a_whole_turn_off() -> None:
+    spec = FrameSequence(SIZE, tuple(sines(0) + sines(1)))
+    run = [replace(f, shift=-f.shift) if f.shift else f for f in spec.frames]
+    points = decode(spec, seen(run))
+    assert "on its head" in points.card.advice[0]
+    turn = np.linalg.inv(np.array([[1.9, 0.1], [-0.1, 1.9]]))
+    off = np.array(SIZE) - (points.camera_px - [6.0, 12.0]) @ turn.T - points.projector_px
+    assert np.abs(off).max() < 2
+
+
+def test_a_pixel_that_sees_the_end_of_the_picture_is_no_point() -> None:
+    turn = np.array([[1.9, 0.1, 6.0], [-0.1, 1.9, 12.0]])
+    shown = [cv2.warpAffine(picture.astype(np.float32), turn, CAMERA) for picture in PATTERN.render()]
+    blurred = [8 + 0.7 * cv2.GaussianBlur(picture, (0, 0), 1.5) for picture in shown]
+    points = decode(PATTERN, [np.rint(picture).astype(np.uint8) for picture in blurred])
+    off = points.projector_px - (points.camera_px - [6.0, 12.0]) @ np.linalg.inv(turn[:, :2]).T
+    assert len(points) > 0.93 * np.prod(SIZE) * 1.9**2
+    assert np.abs(off).max() < 0.4
+    assert np.sqrt(np.mean(off**2)) < 0.05

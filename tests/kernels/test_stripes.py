@@ -53,11 +53,11 @@ def test_an_edge_is_where_the_margins_balance() -> None:
     contrast, noise = np.full((1, 5), 200.0, np.float32), np.full((1, 5), 2.0, np.float32)
     place, seen = np.empty(5, np.int32), np.empty((3, 5), np.float32)
     good = np.ones((1, 5), np.uint8)
-    count = stripes.find_edges(code, near, far, contrast, noise, good, (0, 5), 1, 0.05, 0.3, place, seen)
+    count = stripes.find_edges(code, near, far, contrast, noise, good, (0, 1), 1, 0.05, 0.3, place, seen)
     assert (count, place[0]) == (1, 1)
     np.testing.assert_allclose(seen[:, 0], [36 / (36 + 4), 0.25, 4.5], rtol=1e-6)
     contrast[0, 3] = 100  # light leaks there, one pixel from the edge
-    assert stripes.find_edges(code, near, far, contrast, noise, good, (0, 5), 1, 0.05, 0.3, place, seen) == 0
+    assert stripes.find_edges(code, near, far, contrast, noise, good, (0, 1), 1, 0.05, 0.3, place, seen) == 0
 
 
 @pytest.mark.parametrize("along", [0, 1])
@@ -66,7 +66,7 @@ def test_moments_are_means_over_cells(along: int) -> None:
     place = np.sort(rng.choice(8 * 12, 40, replace=False)).astype(np.int32)
     seen = rng.random((3, 40)).astype(np.float32)
     sums, room = np.zeros((9, 2, 3), np.float32), np.zeros((3, 9), np.float32)
-    stripes.moments(place, seen, 12, 4, along, room, sums)
+    stripes.moments(place, seen, 12, 4, along, 0, room, sums)
     y, x = np.divmod(place, 12)
     a, b = (x % 4 - 1.5, y % 4 - 1.5) if along == 1 else (y % 4 - 1.5, x % 4 - 1.5)
     w, a, v = seen[0], seen[1] + a, seen[2]

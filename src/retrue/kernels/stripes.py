@@ -105,6 +105,27 @@ def add_bit(
                 x += count
 
 
+def believe(
+    second: cython.const[Pixel][:, ::1],
+    code: cython.const[cython.short][:, ::1],
+    noise: cython.const[cython.float][:, ::1],
+    sigmas: cython.float,
+    codes: tuple[cython.int, cython.int],
+    agreed: cython.uchar[:, ::1],
+    within: cython.uchar[:, ::1],
+) -> None:
+    """`agreed` stays where the margin `second` exceeds so many sigmas of `noise`; `within` <- whether the code is one
+    of those from the first to the last of `codes`."""
+    cython.declare(y=cython.Py_ssize_t, x=cython.Py_ssize_t, first=cython.int, last=cython.int)
+    first, last = codes[0], codes[1]
+    with cython.nogil:
+        for y in range(second.shape[0]):
+            for x in range(second.shape[1]):
+                agreed[y, x] &= second[y, x] > noise[y, x] * sigmas
+            for x in range(second.shape[1]):
+                within[y, x] = (code[y, x] >= first) & (code[y, x] <= last)
+
+
 @cython.cfunc
 @cython.nogil
 @cython.inline
@@ -121,7 +142,7 @@ def find_edges(
     contrast: cython.const[cython.float][:, ::1],
     noise: cython.const[cython.float][:, ::1],
     good: cython.const[cython.uchar][:, ::1],
-    columns: tuple[cython.Py_ssize_t, cython.Py_ssize_t],
+    rows: tuple[cython.Py_ssize_t, cython.Py_ssize_t],
     along: cython.Py_ssize_t,
     share: cython.float,
     steepest: cython.float,
@@ -130,23 +151,22 @@ def find_edges(
 ) -> int:
     """`place` (M,) <- flat index of the first pixel of each edge; `seen` (3, M) <- weight, fraction, value; how many.
 
-    Indices are into the columns from the first to before the second of `columns`, of which all good pixels are. Between
-    good neighbours one stripe apart, where contrast is steady between them and beside them. With margins as
-    `add_bit` has them, each relative to its own pixel's contrast, the edge is where they balance; its weight is 1 over
-    1 + (noise / (`share` of both margins))^2.
+    Indices are into the rows from the first to before the second of `rows`. Between good neighbours one stripe apart,
+    where contrast is steady between them and beside them. With margins as `add_bit` has them, each relative to its own
+    pixel's contrast, the edge is where they balance; its weight is 1 over 1 + (noise / (`share` of both margins))^2.
     """
     cython.declare(y=cython.Py_ssize_t, x=cython.Py_ssize_t, v=cython.Py_ssize_t, u=cython.Py_ssize_t)
     cython.declare(count=cython.Py_ssize_t, step=cython.int, a=cython.float, b=cython.float, s=cython.float)
     cython.declare(dy=cython.Py_ssize_t, dx=cython.Py_ssize_t)
     height: cython.Py_ssize_t = code.shape[0]
     width: cython.Py_ssize_t = code.shape[1]
-    start: cython.Py_ssize_t = columns[0]
-    stop: cython.Py_ssize_t = columns[1]
+    start: cython.Py_ssize_t = rows[0]
+    stop: cython.Py_ssize_t = rows[1]
     dy, dx = (1, 0) if along == 0 else (0, 1)
     count = 0
     with cython.nogil:
-        for y in range(height - dy):
-            for x in range(start, min(stop, width - dx)):
+        for y in range(start, min(stop, height - dy)):
+            for x in range(width - dx):
                 v, u = y + dy, x + dx
                 if not (good[y, x] & good[v, u]):
                     continue
@@ -170,7 +190,7 @@ def find_edges(
                 a, b = near[y, x], far[y, x]
                 s = (a + b) * share
                 s = s * s
-                place[count] = cython.cast(cython.int, y * (stop - start) + x - start)
+                place[count] = cython.cast(cython.int, (y - start) * width + x)
                 seen[0, count] = s / (s + noise[y, x] * noise[y, x])
                 a, b = a * contrast[v, u], b * contrast[y, x]
                 seen[1, count] = a / (a + b + TINY)
@@ -182,102 +202,115 @@ def find_edges(
 def moments(
     place: cython.const[cython.int][::1],
     seen: cython.const[cython.float][:, ::1],
-    width: cython.Py_ssize_t,
-    cell: cython.Py_ssize_t,
+    width: cython.int,
+    cell: cython.int,
     along: cython.Py_ssize_t,
+    begin: cython.Py_ssize_t,
     row: cython.float[:, ::1],
     sums: cython.float[:, :, ::1],
 ) -> None:
     """`sums` (9, cell rows, cell columns), zero before, <- means over cells of w, wx, wxx, wy, wyy, wxy, wv, wxv, wyv.
 
-    x runs along the axis, y across, both from the cell's centre; `row` (cell columns, 9) is room, zero before.
+    x runs along the axis, y across, both from the cell's centre; `row` (cell columns, 9) is room, zero before. The band
+    begins at row `begin` of the cells.
     """
-    cython.declare(k=cython.Py_ssize_t, y=cython.Py_ssize_t, x=cython.Py_ssize_t, m=cython.Py_ssize_t)
-    cython.declare(left=cython.Py_ssize_t, c=cython.Py_ssize_t, w=cython.float, a=cython.float, b=cython.float)
-    cython.declare(wa=cython.float, wb=cython.float, wv=cython.float, start=cython.Py_ssize_t, stop=cython.Py_ssize_t)
+    cython.declare(k=cython.Py_ssize_t, m=cython.Py_ssize_t, y=cython.int, x=cython.int, c=cython.int)
+    cython.declare(w=cython.float, a=cython.float, b=cython.float, wa=cython.float, wb=cython.float, wv=cython.float)
+    cython.declare(start=cython.int, left=cython.int, r=cython.int, top=cython.int)
+    own = cython.declare(cython.float[9])
     count: cython.Py_ssize_t = place.shape[0]
     middle: cython.float = (cell - 1) / cython.cast(cython.float, 2)
     per_pixel: cython.float = 1 / cython.cast(cython.float, cell * cell)
     with cython.nogil:
-        start = 0
-        while start < count:  # row by row: sums of few numbers each lose least
-            y = place[start] // width
-            stop = start
-            while stop < count and place[stop] < (y + 1) * width:
-                x = place[stop] - y * width
-                c = x // cell
-                a, b = cython.cast(cython.float, x % cell) - middle, cython.cast(cython.float, y % cell) - middle
+        y = r = top = start = left = 0
+        for m in range(9):
+            own[m] = 0
+        for k in range(count + 1):  # row by row: sums of few numbers each lose least
+            x = place[k] - start if k < count else 0
+            if k == count or x >= width or x // cell != left:
+                for m in range(9):
+                    row[left, m] += own[m] * per_pixel
+                    own[m] = 0
+                if k == count or x >= width:
+                    y = place[k] // width if k < count else 0
+                    start = y * width
+                    if k == count or y // cell != r:
+                        for m in range(9):
+                            for c in range(row.shape[0]):
+                                if row[c, m] != 0:  # most are where there are few edges
+                                    sums[m, begin + r, c] = row[c, m]
+                                    row[c, m] = 0
+                        r = y // cell
+                        top = r * cell
+                    x = place[k] - start if k < count else 0
+                left = x // cell
+            if k < count:
+                a = (x - left * cell) - middle
+                b = (y - top) - middle
                 a, b = (a, b) if along == 1 else (b, a)
-                w, a = seen[0, stop], seen[1, stop] + a
-                wa, wb, wv = w * a, w * b, w * seen[2, stop]
-                row[c, 0] += w
-                row[c, 1] += wa
-                row[c, 2] += wa * a
-                row[c, 3] += wb
-                row[c, 4] += wb * b
-                row[c, 5] += wa * b
-                row[c, 6] += wv
-                row[c, 7] += wv * a
-                row[c, 8] += wv * b
-                stop += 1
-            left = -1
-            for k in range(start, stop):
-                c = (place[k] - y * width) // cell
-                if c != left:
-                    for m in range(9):
-                        sums[m, y // cell, c] += row[c, m] * per_pixel
-                        row[c, m] = 0
-                    left = c
-            start = stop
+                w, a = seen[0, k], seen[1, k] + a
+                wa, wb, wv = w * a, w * b, w * seen[2, k]
+                own[0] += w
+                own[1] += wa
+                own[2] += wa * a
+                own[3] += wb
+                own[4] += wb * b
+                own[5] += wa * b
+                own[6] += wv
+                own[7] += wv * a
+                own[8] += wv * b
 
 
 def misses(
     place: cython.const[cython.int][::1],
     seen: cython.const[cython.float][:, ::1],
     planes: cython.const[cython.float][:, :, ::1],
-    width: cython.Py_ssize_t,
-    cell: cython.Py_ssize_t,
+    width: cython.int,
+    cell: cython.int,
     along: cython.Py_ssize_t,
-    row: cython.float[:, ::1],
+    begin: cython.Py_ssize_t,
     sums: cython.float[:, :, ::1],
 ) -> None:
     """`sums` (3, cell rows, cell columns), zero before, <- means of w off^2, of w and of 1, `off` from the own plane.
 
-    `planes` (3, cell rows, cell columns): value in the cell's centre, slopes along the axis and across it. `row` as in
-    `moments`.
+    `planes` (3, cell rows, cell columns): value in the cell's centre, slopes along the axis and across it. The band
+    begins at row `begin` of the cells.
     """
-    cython.declare(k=cython.Py_ssize_t, y=cython.Py_ssize_t, x=cython.Py_ssize_t, r=cython.Py_ssize_t)
-    cython.declare(c=cython.Py_ssize_t, a=cython.float, b=cython.float, off=cython.float, left=cython.Py_ssize_t)
-    cython.declare(start=cython.Py_ssize_t, stop=cython.Py_ssize_t, m=cython.Py_ssize_t)
+    cython.declare(k=cython.Py_ssize_t, y=cython.int, x=cython.int, r=cython.Py_ssize_t, c=cython.int, left=cython.int)
+    cython.declare(a=cython.float, b=cython.float, off=cython.float, start=cython.int)
+    cython.declare(square=cython.float, weight=cython.float, number=cython.float)
     count: cython.Py_ssize_t = place.shape[0]
     middle: cython.float = (cell - 1) / cython.cast(cython.float, 2)
     per_pixel: cython.float = 1 / cython.cast(cython.float, cell * cell)
     with cython.nogil:
-        start = 0
-        while start < count:
-            y = place[start] // width
-            r = y // cell
-            stop = start
-            while stop < count and place[stop] < (y + 1) * width:
-                x = place[stop] - y * width
-                c = x // cell
-                a, b = cython.cast(cython.float, x % cell) - middle, cython.cast(cython.float, y % cell) - middle
-                a, b = (a, b) if along == 1 else (b, a)
-                off = seen[2, stop] - (planes[0, r, c] + planes[1, r, c] * a + planes[2, r, c] * b)
-                off = off - planes[1, r, c] * seen[1, stop]
-                row[c, 0] += off * off * seen[0, stop]
-                row[c, 1] += seen[0, stop]
-                row[c, 2] += 1
-                stop += 1
-            left = -1
-            for k in range(start, stop):
-                c = (place[k] - y * width) // cell
-                if c != left:
-                    for m in range(3):
-                        sums[m, r, c] += row[c, m] * per_pixel
-                        row[c, m] = 0
-                    left = c
-            start = stop
+        y = start = left = 0
+        r = begin
+        square = weight = number = 0
+        for k in range(count):
+            x = place[k] - start
+            c = x // cell
+            if x >= width or c != left:
+                sums[0, r, left] += square * per_pixel
+                sums[1, r, left] += weight * per_pixel
+                sums[2, r, left] += number * per_pixel
+                square = weight = number = 0
+                if x >= width:
+                    y = place[k] // width
+                    start, r = y * width, begin + y // cell
+                    x = place[k] - start
+                left = x // cell
+            a = (x - left * cell) - middle
+            b = (y % cell) - middle
+            a, b = (a, b) if along == 1 else (b, a)
+            off = seen[2, k] - (planes[0, r, left] + planes[1, r, left] * a + planes[2, r, left] * b)
+            off = off - planes[1, r, left] * seen[1, k]
+            square += off * off * seen[0, k]
+            weight += seen[0, k]
+            number += 1
+        if count:
+            sums[0, r, left] += square * per_pixel
+            sums[1, r, left] += weight * per_pixel
+            sums[2, r, left] += number * per_pixel
 
 
 def accept(
@@ -285,8 +318,8 @@ def accept(
     planes: cython.const[cython.float][:, :, ::1],
     sure: cython.const[cython.uchar][:, ::1],
     even: cython.const[cython.uchar][:, ::1],
-    columns: tuple[cython.Py_ssize_t, cython.Py_ssize_t],
-    cell: cython.Py_ssize_t,
+    top: cython.Py_ssize_t,
+    cell: cython.int,
     along: cython.Py_ssize_t,
     farthest: cython.float,
     certain: cython.uchar[:, ::1],
@@ -294,32 +327,37 @@ def accept(
 ) -> None:
     """`certain`, `smooth` stay where the cell is `sure`, is `even` and holds the pixel's own code within `farthest`.
 
-    The cells begin at the first of `columns`; none is looked at from the second on.
+    The band begins at row `top` of the cells.
     """
-    cython.declare(y=cython.Py_ssize_t, x=cython.Py_ssize_t, r=cython.Py_ssize_t, c=cython.Py_ssize_t)
+    cython.declare(y=cython.Py_ssize_t, r=cython.Py_ssize_t, x=cython.int, c=cython.int, width=cython.int)
+    cython.declare(start=cython.int, stop=cython.int, any_one=cython.uchar)
     cython.declare(a=cython.float, b=cython.float, i=cython.float, j=cython.float)
     middle: cython.float = (cell - 1) / cython.cast(cython.float, 2)
-    start: cython.Py_ssize_t = columns[0]
+    width = cython.cast(cython.int, code.shape[1])
     with cython.nogil:
         for y in range(code.shape[0]):
             r = y // cell
             j = cython.cast(cython.float, y - r * cell) - middle
-            for x in range(start, columns[1]):
-                if certain[y, x] | smooth[y, x]:
-                    c = (x - start) // cell
-                    i = cython.cast(cython.float, x - start - c * cell) - middle
-                    a, b = (i, j) if along == 1 else (j, i)
-                    a = planes[0, r, c] + planes[1, r, c] * a + planes[2, r, c] * b
-                    certain[y, x] &= sure[r, c]
-                    smooth[y, x] &= even[r, c] & (fabs(code[y, x] - a) < farthest)
+            for start in range(0, width, 64):
+                stop, any_one = min(start + 64, width), 0
+                for x in range(start, stop):
+                    any_one |= certain[y, x] | smooth[y, x]
+                for x in range(start, stop if any_one else start):
+                    if certain[y, x] | smooth[y, x]:
+                        c = x // cell
+                        i = (x - c * cell) - middle
+                        a, b = (i, j) if along == 1 else (j, i)
+                        a = planes[0, top + r, c] + planes[1, top + r, c] * a + planes[2, top + r, c] * b
+                        certain[y, x] &= sure[top + r, c]
+                        smooth[y, x] &= even[top + r, c] & (fabs(code[y, x] - a) < farthest)
 
 
 def coordinates(
     pixels: cython.const[cython.Py_ssize_t][::1],
     planes: cython.const[cython.float][:, :, ::1],
     error: cython.const[cython.float][:, ::1],
-    frame: tuple[cython.Py_ssize_t, cython.Py_ssize_t, cython.Py_ssize_t],
-    cell: cython.Py_ssize_t,
+    frame: tuple[cython.Py_ssize_t, cython.Py_ssize_t],
+    cell: cython.int,
     along: cython.Py_ssize_t,
     centre: cython.double,
     step: cython.double,
@@ -329,23 +367,26 @@ def coordinates(
     """`px` (N,) <- (n + `centre`) `step` - 1/2 with n of the cell's plane at those pixels; `found` <- its
     mean square error.
 
-    `pixels` are flat indices into a band; `frame`: its width, and which of its rows and columns the cells begin at,
-    rows counted upwards.
+    `pixels` are flat indices into a band; `frame`: its width, and which row of the cells' picture it begins at.
     """
-    cython.declare(k=cython.Py_ssize_t, y=cython.Py_ssize_t, x=cython.Py_ssize_t, r=cython.Py_ssize_t)
-    cython.declare(c=cython.Py_ssize_t, a=cython.float, b=cython.float)
+    cython.declare(k=cython.Py_ssize_t, y=cython.int, x=cython.int, r=cython.int, c=cython.int, below=cython.int)
+    cython.declare(a=cython.float, b=cython.float, i=cython.float, j=cython.float, start=cython.Py_ssize_t)
     middle: cython.float = (cell - 1) / cython.cast(cython.float, 2)
     width: cython.Py_ssize_t = frame[0]
-    above: cython.Py_ssize_t = frame[1]
-    left: cython.Py_ssize_t = frame[2]
+    below = cython.cast(cython.int, frame[1])
+    start, y, r, j = 0, below, below // cell, below % cell - middle
     with cython.nogil:
         for k in range(pixels.shape[0]):
-            y = pixels[k] // width
-            x = pixels[k] - y * width - left
-            y += above
-            r, c = y // cell, x // cell
-            a, b = cython.cast(cython.float, x % cell) - middle, cython.cast(cython.float, y % cell) - middle
-            a, b = (a, b) if along == 1 else (b, a)
+            if not 0 <= pixels[k] - start < width:
+                y = cython.cast(cython.int, pixels[k] // width)
+                start = y * width
+                y += below
+                r = y // cell
+                j = (y - r * cell) - middle
+            x = cython.cast(cython.int, pixels[k] - start)
+            c = x // cell
+            i = (x - c * cell) - middle
+            a, b = (i, j) if along == 1 else (j, i)
             a = planes[0, r, c] + planes[1, r, c] * a + planes[2, r, c] * b
             px[k] = (a + centre) * step - 0.5
             found[k] = error[r, c]

@@ -21,8 +21,9 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from retrue.kernels import bend as kernel
+
 FloatImage = NDArray[np.float32]
-Cut = tuple[slice, slice]
 
 APART = 2  # cells between which slopes are compared: nearer ones come of the same edges
 CENTRED = 0.5  # cells from the centre that the mean place of a window lies, which is then cut off by no rim
@@ -49,55 +50,17 @@ def plane_bias(
     sigma : of the plane in the cell's centre.
     whole : 1 where the window lies on one surface.
     """
-    across = 1 - along
     x, y = moments["x"], moments["y"]
+    shape = np.stack([moments[name] for name in ("x", "y", "xx", "yy", "xy")])
     whole = whole & (x * x + y * y < np.float32(CENTRED * cell) ** 2).view(np.uint8)
-    terms = (
-        (slopes[0], along, 0.5 * (moments["xx"] - x * x)),
-        (slopes[1], across, 0.5 * (moments["yy"] - y * y)),
-        (slopes[0], across, 0.5 * (moments["xy"] - x * y)),
-        (slopes[1], along, 0.5 * (moments["xy"] - x * y)),
-    )
-    known = {axis: _known(whole, axis) for axis in (along, across)}
-    counts = {axis: np.maximum(_sum_around(own), np.float32(1)) for axis, own in known.items()}
-    changes = [(_change(slope, cell, axis, known[axis]), lever, counts[axis]) for slope, axis, lever in terms]
-    means = [_sum_around(change) / count for change, _, count in changes]
-    bias = sum((lever * mean for mean, (_, lever, _) in zip(means, changes, strict=True)), np.zeros_like(x))
-    bent = np.abs(bias) > sigma
-    if bent.any():
-        variance = np.zeros_like(x)  # of the bias, from how the changes of slope scatter around each cell
-        for mean, (change, lever, count) in zip(means, changes, strict=True):
-            scatter = np.maximum(_sum_around(change * change) / count - mean * mean, 0)
-            variance += lever * lever * scatter / np.maximum(count / np.float32(ALIKE), 1)
-        bent &= bias * bias > np.float32(BEYOND_DOUBT**2) * variance
-        told = np.float32(MOST) * _sum_around((bias != 0).astype(np.float32))
-        bent &= _sum_around(bent.astype(np.float32)) > np.maximum(told, ALIKE)
-    return np.where(bent, bias, np.float32(0))
-
-
-def _known(whole: NDArray[np.uint8], axis: int) -> FloatImage:
-    """1 where the cells on both sides along an array axis tell how the slope changes."""
-    known = np.zeros(whole.shape, np.float32)
-    if whole.shape[axis] > 2 * APART:
-        here, first, last = _beside(axis)
-        known[here] = whole[here] & whole[first] & whole[last]
-    return known
-
-
-def _change(slope: FloatImage, cell: int, axis: int, known: FloatImage) -> FloatImage:
-    """Of the slope per pixel along an array axis; 0 where it is not known."""
-    change = np.zeros(slope.shape, np.float32)
-    if slope.shape[axis] > 2 * APART:
-        here, first, last = _beside(axis)
-        change[here] = (slope[last] - slope[first]) * known[here] / np.float32(2 * APART * cell)
-    return change
-
-
-def _beside(axis: int) -> tuple[Cut, Cut, Cut]:
-    """Index of the cells that have others on both sides, and of these."""
-    cuts = (slice(APART, -APART), slice(None, -2 * APART), slice(2 * APART, None))
-    here, first, last = ((cut, slice(None)) if axis == 0 else (slice(None), cut) for cut in cuts)
-    return here, first, last
+    terms, bias, bent = np.empty((6, *x.shape), np.float32), np.empty_like(x), np.empty_like(whole)
+    kernel.changes(np.stack(slopes), whole, APART, 2 * APART * cell, along, terms)
+    count = kernel.bias(terms, shape, sigma, ALIKE, BEYOND_DOUBT, bias, bent)
+    if not count > ALIKE:
+        return np.zeros_like(bias)
+    told = np.float32(MOST) * _sum_around((bias != 0).astype(np.float32))
+    sure = bent.view(np.bool_) & (_sum_around(bent.astype(np.float32)) > np.maximum(told, ALIKE))
+    return np.where(sure, bias, np.float32(0))
 
 
 def _sum_around(image: FloatImage) -> FloatImage:

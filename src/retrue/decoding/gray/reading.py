@@ -1,19 +1,23 @@
-"""A band of rows of a capture to points: which pixels to believe, and the reasons against the others."""
+"""A capture to points: which pixels to believe, and the reasons against the others.
+
+Band of rows by band, each small enough for the processor's cache; planes are fitted to the edges of all bands.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass, replace
 from functools import reduce
 
 import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from retrue.decoding.gray.bits import decode_axis
+from retrue.decoding.gray.bits import CodeImage, decode_axis
 from retrue.decoding.gray.plan import MAX_CELL, UNDECIDED, Plan
-from retrue.decoding.gray.sequence import GraySequence
-from retrue.decoding.gray.stripe_edges import LARGEST_RESIDUAL, LARGEST_SIGMA, PlaneFit, find_edges, fit_planes
+from retrue.decoding.gray.sequence import GraySequence, Stripes
+from retrue.decoding.gray.stripe_edges import Edges, FloatImage, PlaneFit, PlaneFitter, find_edges
 from retrue.geometry.arrays import BoolArray, FloatArray, Image
 from retrue.kernels import stripes as kernel
 
@@ -22,12 +26,10 @@ FARTHEST_CODE = 0.75
 SYSTEMATIC_SIGMA = 0.005
 """Stripes: what lens and camera leave, however many edges there are and however flat the surface."""
 
-HALO_CELLS = 13
-"""How many cells away a picture can still change a point: windows, the edges beside them, and the bend around it."""
-WORTH_CUTTING = 0.9
-"""Of the width: columns are left out where no more remain."""
-FEWEST_OPEN = 64
-"""Pixels of a band: fewer that one depth leaves open are not worth the next."""
+REACH_CELLS = 13
+"""How many cells away a picture can still change where a point is: windows, the edges beside them, and the bend."""
+ABOVE, BELOW = 1, 2
+"""Rows beyond a band that its edges look at."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -39,36 +41,36 @@ class Depth:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Band:
-    """The points of a band of rows, and how many of its pixels are none, by reason.
-
-    Attributes
-    ----------
-    pixels : (N,) flat index into the band of each point, ascending.
-    projector_px : by axis of the code, (N,) sub-pixel coordinates.
-    sigma_px : (N,) standard deviation of either coordinate, their mean square.
-    seen : how many pixels are lit; rejected : those that are no points, by reason.
-    agreed : how many decide their code; outside, largest : for each axis of the code, how many of these lie beyond the
-        projector, and the largest code.
-    depths : how many points were read at each depth.
-    """
+class Found:
+    """The points of a band of rows: (N,) flat index into the band of each, ascending, its sub-pixel coordinates by
+    axis of the projector, and the standard deviation of either, their mean square."""
 
     pixels: NDArray[np.intp]
     projector_px: dict[int, FloatArray]
     sigma_px: FloatArray
-    seen: int
-    rejected: dict[str, int]
-    agreed: int
-    outside: tuple[int, ...]
-    largest: tuple[int, ...]
-    depths: tuple[int, ...]
+
+    def none(self) -> Found:
+        """Without points."""
+        px = {axis: own[:0] for axis, own in self.projector_px.items()}
+        return Found(self.pixels[:0], px, self.sigma_px[:0])
+
+    def placed(self, width: int, left: int, whole: int) -> Found:
+        """Of pictures of that width that begin at column `left` of wider ones: in these."""
+        if width == whole:
+            return self
+        return replace(self, pixels=self.pixels + self.pixels // width * (whole - width) + left)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class _Reading:
-    """The rows of a band at one depth: masks of its pixels, and for each axis the planes of the cells around it.
+class Reading:
+    """A picture at one depth.
 
-    `fits` know the rows from `above` rows over the band, and the columns from `left` on; none where nothing is inside.
+    Attributes
+    ----------
+    lit, agreed, inside, certain, smooth : (height, width), of each pixel what the next rests on: it is lit, decides its
+        code, which is in the projector, near enough edges tell its plane, and these lie on one surface.
+    fits : of each axis of the code, the planes.
+    outside, largest : for each axis, how many of the codes lie beyond the projector, and the largest of these.
     """
 
     lit: BoolArray
@@ -77,165 +79,158 @@ class _Reading:
     certain: BoolArray
     smooth: BoolArray
     fits: list[PlaneFit]
-    above: int
-    left: int
     outside: tuple[int, ...]
     largest: tuple[int, ...]
 
 
-def read_band(depths: Sequence[Depth], rows: range) -> Band:
-    """The points of those rows; rows around them are looked at too, so that bands fit together seamlessly.
+def read_depth(depth: Depth, bands: Sequence[range], threads: ThreadPoolExecutor, wanted: BoolArray | None) -> Reading:
+    """All of a picture at one depth, or what `wanted` of its pixels need; bands start at multiples of MAX_CELL."""
+    shape, axes = depth.sequence.white.shape, range(len(depth.sequence.stripes))
+    lit, agreed, inside, certain, smooth = (np.zeros(shape, np.bool_) for _ in range(5))
+    codes = [np.empty(shape, np.int16) for _ in axes]
+    fitters = [PlaneFitter(shape, cell, along) for cell, along in zip(depth.plan.cells, depth.plan.along, strict=True)]
+    needed = None if wanted is None else _around(wanted, REACH_CELLS * max(depth.plan.cells))
 
-    A pixel is read at the first of the depths that it resolves. `rows` starts at a multiple of MAX_CELL.
-    """
-    first = _read(depths[0], rows, None)
-    good = first.certain & first.smooth
-    pixels = [np.flatnonzero(good)]
-    found = [_coordinates(depths[0], first, pixels[0])]
-    unread = first.lit & ~good & (first.inside | ~first.agreed) & (first.smooth | ~first.certain)
-    taken = good
-    for depth in depths[1:]:
-        if _count(unread) < FEWEST_OPEN:
-            break
-        reading = _read(depth, rows, unread)
-        good = reading.certain & reading.smooth & unread
-        pixels.append(np.flatnonzero(good))
-        found.append(_coordinates(depth, reading, pixels[-1]))
-        unread, taken = unread & ~good, taken | good
-    everything = np.concatenate(pixels)
-    order = np.argsort(everything, kind="stable") if len(pixels) > 1 else slice(None)
-    rejected = {
-        "undecided": first.lit & ~first.agreed,
-        "outside": first.agreed & ~first.inside,
-        "alone": first.inside & ~first.certain,
-        "rough": first.certain & ~first.smooth,
-    }
-    return Band(
-        everything[order],
-        {
-            stripes.axis: np.concatenate([px[axis] for px, _ in found])[order]
-            for axis, stripes in enumerate(depths[0].sequence.stripes)
-        },
-        np.concatenate([sigma for _, sigma in found])[order],
-        _count(first.lit),
-        {reason: _count(mask & ~taken) for reason, mask in rejected.items()},
-        _count(first.agreed),
-        first.outside,
-        first.largest,
-        tuple(len(own) for own in pixels) + (0,) * (len(depths) - len(pixels)),
+    def look(rows: range) -> tuple[list[Edges], list[tuple[int, int]]]:
+        here = slice(rows.start, rows.stop)
+        seen = _look(depth, rows, needed)
+        lit[here], agreed[here], inside[here] = seen.lit, seen.agreed, seen.inside
+        for axis in axes:
+            codes[axis][here] = seen.codes[axis]
+            fitters[axis].add(rows, seen.edges[axis])
+        return seen.edges, seen.beyond
+
+    def fit(rows: range, edges: Sequence[Edges]) -> None:
+        for fitter, own in zip(fitters, edges, strict=True):
+            fitter.fit(rows, own)
+
+    def judge(rows: range) -> None:
+        for fitter in fitters:
+            fitter.judge(rows)
+
+    seen = list(threads.map(look, bands))
+    list(threads.map(fit, bands, [edges for edges, _ in seen]))
+    list(threads.map(judge, bands))
+    fits = list(threads.map(PlaneFitter.fitted, fitters))
+
+    def accept(rows: range) -> None:
+        here = slice(rows.start, rows.stop)
+        certain[here], smooth[here] = inside[here], inside[here]
+        for code, fit in zip(codes, fits, strict=True):
+            kernel.accept(
+                code[here],
+                fit.planes,
+                fit.sure,
+                fit.even,
+                rows.start // fit.cell,
+                fit.cell,
+                fit.along,
+                FARTHEST_CODE,
+                certain[here].view(np.uint8),
+                smooth[here].view(np.uint8),
+            )
+
+    list(threads.map(accept, bands))
+    outside = tuple(sum(beyond[axis][0] for _, beyond in seen) for axis in axes)
+    largest = tuple(max(beyond[axis][1] for _, beyond in seen) for axis in axes)
+    return Reading(lit, agreed, inside, certain, smooth, fits, outside, largest)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Seen:
+    """The rows of a band alone; `beyond`: for each axis as `Reading` has outside and largest."""
+
+    lit: BoolArray
+    agreed: BoolArray
+    inside: BoolArray
+    codes: list[CodeImage]
+    edges: list[Edges]
+    beyond: list[tuple[int, int]]
+
+
+def lit_columns(depth: Depth, rows: range) -> tuple[int, BoolArray]:
+    """How many pixels of a band are lit, and (width,) which columns hold one that is so with all around it."""
+    lit = _light(depth, slice(rows.start, rows.stop))[2]
+    inner = cv2.erode(lit.view(np.uint8), np.ones((3, 3), np.uint8))
+    return int(np.count_nonzero(lit)), cv2.dilate(inner.max(axis=0)[None], np.ones((1, 3), np.uint8))[0].astype(
+        np.bool_
     )
 
 
-def _read(depth: Depth, rows: range, wanted: BoolArray | None) -> _Reading:
-    """All of a band, or what `wanted` of its pixels need."""
-    sequence, plan = depth.sequence, depth.plan
-    halo = HALO_CELLS * max(plan.cells)
-    top, bottom = max(rows.start - halo, 0), min(rows.stop + halo, sequence.white.shape[0])
-    around, inner = slice(top, bottom), slice(rows.start - top, rows.stop - top)
-    contrast, noise = (np.empty((bottom - top, sequence.white.shape[1]), np.float32) for _ in range(2))
-    lit: BoolArray = np.empty(contrast.shape, np.bool_)
-    white, black = _rows((sequence.white, sequence.black), around)
-    kernel.light(white, black, plan.noise_gain, UNDECIDED, contrast, noise, lit.view(np.uint8))
-    where = lit if wanted is None else lit & _around(wanted, inner.start, lit.shape[0], halo)
+def _light(depth: Depth, rows: slice) -> tuple[FloatImage, FloatImage, BoolArray]:
+    """White less black, the noise of a picture less its inverse, and which pixels are lit."""
+    white, black = _rows((depth.sequence.white, depth.sequence.black), rows)
+    contrast, noise = (np.empty(white.shape, np.float32) for _ in range(2))
+    lit: BoolArray = np.empty(white.shape, np.bool_)
+    kernel.light(white, black, depth.plan.noise_gain, UNDECIDED, contrast, noise, lit.view(np.uint8))
+    return contrast, noise, lit
 
+
+def _look(depth: Depth, rows: range, needed: BoolArray | None) -> _Seen:
+    sequence, plan = depth.sequence, depth.plan
+    top, bottom = max(rows.start - ABOVE, 0), min(rows.stop + BELOW, sequence.white.shape[0])
+    around, inner = slice(top, bottom), slice(rows.start - top, rows.stop - top)
+    contrast, noise, lit = _light(depth, around)
+    where = lit if needed is None else lit & needed[around]
     axes = [
         decode_axis(_rows(patterns, around), _rows(inverses, around), along, where)
         for patterns, inverses, along in zip(sequence.patterns, sequence.inverses, plan.along, strict=True)
     ]
-    decided = noise * np.float32(UNDECIDED)
-    agreed = reduce(np.logical_and, [axis.second_margin > decided for axis in axes], where)
-    within = [
-        (axis.code >= stripes.first) & (axis.code <= stripes.last)
-        for axis, stripes in zip(axes, sequence.stripes, strict=True)
-    ]
-    inside = reduce(np.logical_and, within, agreed)
-    outside = tuple(_count((agreed & ~codes)[inner]) for codes in within)
-    beyond = tuple(
-        int(axis.code[agreed].max(initial=0)) if count else 0 for axis, count in zip(axes, outside, strict=True)
-    )
-    certain, smooth = inside.copy(), inside.copy()
-    fits: list[PlaneFit] = []
-    columns = _filled_columns(inside)
-    for axis, along, cell in zip(axes, plan.along, plan.cells, strict=True) if inside.any() else ():
-        fit = fit_planes(find_edges(axis, contrast, noise, inside, columns, along, cell), along)
-        fits.append(fit)
-        kernel.accept(
-            axis.code,
-            fit.planes,
-            (fit.variance < LARGEST_SIGMA**2).view(np.uint8),
-            (fit.mean_square < LARGEST_RESIDUAL**2).view(np.uint8),
-            (columns.start, columns.stop),
-            cell,
-            along,
-            FARTHEST_CODE,
-            certain.view(np.uint8),
-            smooth.view(np.uint8),
+    agreed, within = where.copy(), [np.empty_like(where) for _ in axes]
+    for axis, stripes, own in zip(axes, sequence.stripes, within, strict=True):
+        codes = max(stripes.first, -1), min(stripes.last, np.iinfo(np.int16).max)
+        kernel.believe(
+            axis.second_margin, axis.code, noise, UNDECIDED, codes, agreed.view(np.uint8), own.view(np.uint8)
         )
-    return _Reading(
-        lit[inner],
-        agreed[inner],
-        inside[inner],
-        certain[inner],
-        smooth[inner],
-        fits,
-        inner.start,
-        columns.start,
-        outside,
-        beyond,
-    )
+    inside = reduce(np.logical_and, within, agreed)
+    beyond: list[tuple[int, int]] = []
+    for axis, own in zip(axes, within, strict=True):
+        count = int(np.count_nonzero((agreed & ~own)[inner]))
+        beyond.append((count, int(axis.code[inner][agreed[inner]].max(initial=0)) if count else 0))
+    edges = [
+        find_edges(axis, contrast, noise, inside, inner, along) for axis, along in zip(axes, plan.along, strict=True)
+    ]
+    return _Seen(lit[inner], agreed[inner], inside[inner], [axis.code[inner] for axis in axes], edges, beyond)
 
 
-def _around(wanted: BoolArray, above: int, height: int, halo: int) -> BoolArray:
-    """Every pixel of `height` rows, of which `wanted` begins `above` rows down, that may change a wanted one."""
-    width = wanted.shape[1]
+def _around(wanted: BoolArray, reach: int) -> BoolArray:
+    """Every pixel that may change a wanted one, and some more: in whole blocks."""
+    height, width = wanted.shape
     blocks = -(-height // MAX_CELL), -(-width // MAX_CELL)
     padded = np.zeros((blocks[0] * MAX_CELL, blocks[1] * MAX_CELL), np.bool_)
-    padded[above : above + len(wanted), :width] = wanted
+    padded[:height, :width] = wanted
     words = padded.view(np.uint64).reshape(blocks[0], MAX_CELL, blocks[1], -1)
     spread = (np.bitwise_or.reduce(words, axis=(1, 3)) > 0).view(np.uint8)
-    reach = -(-halo // MAX_CELL)
-    spread = cv2.dilate(spread, np.ones((2 * reach + 1, 2 * reach + 1), np.uint8))
+    side = 2 * -(-reach // MAX_CELL) + 1
+    spread = cv2.dilate(spread, np.ones((side, side), np.uint8))
     whole = np.repeat(np.repeat(spread, MAX_CELL, axis=0), MAX_CELL, axis=1)
     return whole[:height, :width].view(np.bool_)
 
 
-def _filled_columns(inside: BoolArray) -> slice:
-    """From the first to the last column of a mask in whole cells of any size; all of them where that saves little."""
-    filled, width = np.flatnonzero(inside.any(axis=0)), inside.shape[1]
-    if not len(filled):
-        return slice(0, width)
-    start, stop = int(filled[0]) // MAX_CELL * MAX_CELL, min((int(filled[-1]) // MAX_CELL + 1) * MAX_CELL, width)
-    return slice(start, stop) if stop - start < WORTH_CUTTING * width else slice(0, width)
-
-
-def _coordinates(depth: Depth, reading: _Reading, pixels: NDArray[np.intp]) -> tuple[list[FloatArray], FloatArray]:
-    """Projector coordinates (N,) along each axis, and their standard deviation."""
-    axes = depth.sequence.stripes
-    width = axes[0].width_px
-    found = [np.empty(len(pixels)) for _ in axes]
-    variances = [np.empty(len(pixels), np.float32) for _ in axes]
-    for stripes, fit, px, variance in zip(axes, reading.fits, found, variances, strict=len(pixels) > 0):
-        centre = 0.5 + stripes.offset_px / stripes.width_px
+def locate(stripes: Sequence[Stripes], reading: Reading, rows: range, good: BoolArray) -> Found:
+    """The points of a band (height, width) of `good` pixels, along each axis."""
+    pixels = np.flatnonzero(good[rows.start : rows.stop])
+    width = stripes[0].width_px
+    found = [np.empty(len(pixels)) for _ in stripes]
+    variances = [np.empty(len(pixels), np.float32) for _ in stripes]
+    for axis, fit, px, variance in zip(stripes, reading.fits, found, variances, strict=True):
         kernel.coordinates(
             pixels,
             fit.planes,
             fit.error,
-            (reading.lit.shape[1], reading.above, reading.left),
+            (good.shape[1], rows.start),
             fit.cell,
             fit.along,
-            centre,
-            stripes.width_px,
+            0.5 + axis.offset_px / axis.width_px,
+            axis.width_px,
             px,
             variance,
         )
-        variance *= np.float32((stripes.width_px / width) ** 2)
-    return found, np.sqrt(np.stack(variances).mean(axis=0) + np.float64(SYSTEMATIC_SIGMA**2)) * width
+        variance *= np.float32((axis.width_px / width) ** 2)
+    sigma = np.sqrt(np.stack(variances).mean(axis=0) + np.float64(SYSTEMATIC_SIGMA**2)) * width
+    return Found(pixels, {axis.axis: px for axis, px in zip(stripes, found, strict=True)}, sigma)
 
 
 def _rows(images: Sequence[Image], rows: slice) -> list[Image]:
     """Of each picture, which may be cut from a larger one."""
     return [np.ascontiguousarray(image[rows]) for image in images]
-
-
-def _count(mask: BoolArray) -> int:
-    return int(np.count_nonzero(mask))

@@ -66,9 +66,9 @@ class GraySequence:
         """The same rows and columns of every picture."""
 
         def cut(axes: tuple[list[Image], ...]) -> tuple[list[Image], ...]:
-            return tuple([image[rows, columns] for image in images] for images in axes)
+            return tuple([cut_picture(image, rows, columns) for image in images] for images in axes)
 
-        white, black = self.white[rows, columns], self.black[rows, columns]
+        white, black = (cut_picture(image, rows, columns) for image in (self.white, self.black))
         return replace(self, patterns=cut(self.patterns), inverses=cut(self.inverses), white=white, black=black)
 
     def coarser(self) -> GraySequence | None:
@@ -82,6 +82,13 @@ class GraySequence:
             inverses=tuple(inverses[:-1] for inverses in self.inverses),
             names=tuple(names[:-1] for names in self.names),
         )
+
+
+def cut_picture(image: Image, rows: Cut, columns: Cut) -> Image:
+    """Those rows and columns of a picture; where their numbers are listed a copy, in order."""
+    for axis, cut in enumerate((rows, columns)):
+        image = image[(slice(None),) * axis + (cut,)] if isinstance(cut, slice) else np.take(image, cut, axis)
+    return image
 
 
 def gray_sequence(sequence: ArrangedSequence, axes: Sequence[int]) -> GraySequence:

@@ -10,6 +10,7 @@ are separable filters over cells.
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import cast
 
@@ -21,6 +22,7 @@ from retrue.decoding.gray.bend import plane_bias
 from retrue.decoding.gray.bits import AxisCode
 from retrue.decoding.gray.scatter import scatter_level
 from retrue.geometry.arrays import BoolArray
+from retrue.kernels import planes as planes_kernel
 from retrue.kernels import stripes as kernel
 
 FloatImage = NDArray[np.float32]
@@ -35,61 +37,55 @@ LARGEST_RESIDUAL = 0.25
 """Stripes, RMS: edges that scatter more about their plane belong to several surfaces, or to none."""
 LARGEST_SIGMA = 0.05
 """Stripes: above it, too few edges, or all of them to one side."""
+MARGIN = 16
+"""Cells about those that hold edges, or points, that are looked at too."""
+ALIGNED = 32
+"""Cells, at multiples of which runs begin: sums round as those of whole rows do."""
 MOMENTS = ("", "x", "xx", "y", "yy", "xy", "v", "xv", "yv")
 """Of the weights, and of what they are multiplied by."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Edges:
-    """The N stripe edges of a band, each between a pixel and the next along the axis of comparison.
+    """The N stripe edges of a band of rows, each between a pixel and the next along the axis of comparison.
 
     Attributes
     ----------
-    shape : (height, width) of the band's columns that were looked at.
-    cell : side of a cell in pixels.
-    place : (N,) flat index of the first of the two pixels, ascending.
+    place : (N,) flat index into the band of the first of the two pixels, ascending.
     seen : (3, N) weight, 1 for an edge that noise does not disturb; position between the two pixels, 0 .. 1; n + 1/2.
     """
 
-    shape: tuple[int, int]
-    cell: int
     place: NDArray[np.int32]
     seen: FloatImage
-
-    @property
-    def cells(self) -> tuple[int, int]:
-        """Rows and columns of cells, the last ones cut off by the border."""
-        return -(-self.shape[0] // self.cell), -(-self.shape[1] // self.cell)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class PlaneFit:
-    """The fitted planes, one per cell.
+    """The fitted planes, one per cell of the picture.
 
     Attributes
     ----------
     planes : (3, rows, columns), sub-pixel n in the cell's centre, and its slopes along and across the axis.
-    mean_square : of the distances of the window's edges from their own cell's plane, in stripes^2.
-    variance : of the planes' n, in stripes^2, from how the edges scatter; grows where they lie to one side.
-    error : the same, as the planes themselves scatter.
+    sure : whether enough edges, on all sides, tell it.
+    even : whether the window's edges lie on their own cell's plane.
+    error : variance of n, in stripes^2, as the planes scatter.
     cell, along : side of a cell in pixels, array axis of comparison.
     """
 
     planes: FloatImage
-    mean_square: FloatImage
-    variance: FloatImage
+    sure: NDArray[np.uint8]
+    even: NDArray[np.uint8]
     error: FloatImage
     cell: int
     along: int
 
 
 def find_edges(
-    axis: AxisCode, contrast: FloatImage, noise: FloatImage, good: BoolArray, columns: slice, along: int, cell: int
+    axis: AxisCode, contrast: FloatImage, noise: FloatImage, good: BoolArray, rows: slice, along: int
 ) -> Edges:
-    """Edges between neighbours that are both good and one stripe apart.
+    """Edges between neighbours that are both good and one stripe apart, the first of them in `rows`.
 
-    `contrast` is white - black and `noise` the standard deviation of pattern - inverse, both (height, width); all good
-    pixels are in `columns`.
+    `contrast` is white - black and `noise` the standard deviation of pattern - inverse, both (height, width).
     The difference of pattern and inverse is taken relative to the contrast, so that albedo does not shift the edge.
     """
     most = int(np.count_nonzero(good))
@@ -101,50 +97,107 @@ def find_edges(
         contrast,
         noise,
         good.view(np.uint8),
-        (columns.start, columns.stop),
+        (rows.start, rows.stop),
         along,
         EDGE_SIGMA,
         STEEPEST_CONTRAST,
         place,
         seen,
     )
-    return Edges((good.shape[0], columns.stop - columns.start), cell, place[:count], seen[:, :count].copy())
+    return Edges(place[:count].copy(), seen[:, :count].copy())
 
 
-def fit_planes(edges: Edges, along: int) -> PlaneFit:
-    """Weighted least squares about every cell, in closed form from nine moments.
+class PlaneFitter:
+    """Weighted least squares about every cell of a picture, in closed form from nine moments.
 
-    x runs along the axis of comparison and y across it, both from the cell's centre.
+    x runs along the axis of comparison and y across it, both from the cell's centre. Bands of rows that begin at
+    multiples of a cell may be taken by several threads at a time; each step needs the one before of the bands around.
     """
-    cell, width = edges.cell, edges.shape[1]
-    own = np.zeros((len(MOMENTS), *edges.cells), np.float32)
-    room = np.zeros((edges.cells[1], len(MOMENTS)), np.float32)
-    kernel.moments(edges.place, edges.seen, width, cell, along, room, own)
-    sums = _windowed(dict(zip(MOMENTS, own, strict=True)), cell, along)
 
-    per_weight = 1 / np.maximum(sums.pop(""), np.float32(1e-6))
-    x, y, value, xx, xy, yy, xv, yv = (sums[n] * per_weight for n in ("x", "y", "v", "xx", "xy", "yy", "xv", "yv"))
-    for moment, a, b in ((xx, x, x), (xy, x, y), (yy, y, y), (xv, x, value), (yv, y, value)):
-        moment -= a * b
-    determinant = np.maximum(xx * yy - xy * xy, np.float32(1e-6))
-    slope_x = (yy * xv - xy * yv) / determinant
-    slope_y = (xx * yv - xy * xv) / determinant
-    value -= slope_x * x + slope_y * y
-    lever = (yy * (x * x) - 2 * xy * (x * y) + xx * (y * y)) / determinant
+    def __init__(self, shape: tuple[int, ...], cell: int, along: int) -> None:
+        height, self._width = shape
+        cells = -(-height // cell), -(-self._width // cell)  # the last ones cut off by the border
+        self._cell, self._along = cell, along
+        self._sums, self._misses, self._planes, self._shape, self._loose = (
+            np.zeros((count, *cells), np.float32) for count in (len(MOMENTS), 3, 3, 5, 2)
+        )
+        self._variance = np.zeros(cells, np.float32)
+        self._even, self._sure, self._whole = (np.zeros(cells, np.uint8) for _ in range(3))
 
-    planes = np.stack([value, slope_x, slope_y], dtype=np.float32)
-    own = np.zeros((3, *edges.cells), np.float32)
-    kernel.misses(edges.place, edges.seen, planes, width, cell, along, room, own)
-    window = _kernel(cell, 0)
-    squares, weights, count = (_filtered(_filtered(image, window, 0), window, 1) for image in own)
-    tiny = np.float32(1e-6)
-    mean_square = cast(FloatImage, squares / (weights + tiny))
-    of_weight_1 = squares / (count + tiny) + np.float32((EDGE_SIGMA / cell) ** 2)
-    variance = cast(FloatImage, of_weight_1 * per_weight * (1 + np.maximum(lever, 0)) * np.float32(0.5 / cell**2))
-    whole = ((mean_square < LARGEST_RESIDUAL**2) & (weights > tiny)).view(np.uint8)
-    moments = cast("dict[str, FloatImage]", {"x": x, "y": y, "xx": xx, "yy": yy, "xy": xy})
-    planes[0] -= plane_bias((planes[1], planes[2]), moments, np.sqrt(variance), whole, cell, along)
-    return PlaneFit(planes, mean_square, variance, variance * scatter_level(planes[0], variance, whole), cell, along)
+    def add(self, rows: range, edges: Edges) -> None:
+        """First: the edges of every band."""
+        room = np.zeros((self._sums.shape[2], len(MOMENTS)), np.float32)
+        top = rows.start // self._cell
+        kernel.moments(edges.place, edges.seen, self._width, self._cell, self._along, top, room, self._sums)
+
+    def fit(self, rows: range, edges: Edges) -> None:
+        """Second: the planes of a band, and by how much its edges miss them."""
+        here = self._cells(rows)
+        for around, inner, columns in self._windows(here):
+            own: dict[str, FloatImage] = dict(zip(MOMENTS, self._sums[around], strict=True))
+            sums = _windowed(own, self._cell, self._along)
+            sums = np.stack([sums[name][inner] for name in MOMENTS])
+            planes, shape, loose = (np.empty((n, *sums.shape[1:]), np.float32) for n in (3, 5, 2))
+            planes_kernel.solve(sums, planes, shape, loose)
+            for whole, part in ((self._planes, planes), (self._shape, shape), (self._loose, loose)):
+                whole[:, here, columns] = part
+        planes, frame = self._planes, (self._width, self._cell, self._along, here.start)
+        kernel.misses(edges.place, edges.seen, planes, *frame, self._misses)
+
+    def judge(self, rows: range) -> None:
+        """Third: how well the planes of a band fit."""
+        here, window = self._cells(rows), _kernel(self._cell, 0)
+        for around, inner, columns in self._windows(here):
+            missed = [_filtered(_filtered(own, window, 0), window, 1)[inner] for own in self._misses[around]]
+            variance = np.empty(missed[0].shape, np.float32)
+            even, sure, whole = (np.empty(variance.shape, np.uint8) for _ in range(3))
+            planes_kernel.judge(
+                np.stack(missed),
+                np.ascontiguousarray(self._loose[:, here, columns]),
+                ((EDGE_SIGMA / self._cell) ** 2, 0.5 / self._cell**2),
+                (LARGEST_RESIDUAL**2, LARGEST_SIGMA**2),
+                variance,
+                even,
+                sure,
+                whole,
+            )
+            for own, part in ((self._variance, variance), (self._even, even), (self._sure, sure), (self._whole, whole)):
+                own[here, columns] = part
+
+    def fitted(self) -> PlaneFit:
+        """At last: the planes of all bands, without what bent surfaces make of them."""
+        here = _filled(self._whole, 0), _filled(self._whole, 1)  # all points are of whole windows
+        value, *slopes = (np.ascontiguousarray(own[here]) for own in self._planes)
+        variance, whole = np.ascontiguousarray(self._variance[here]), np.ascontiguousarray(self._whole[here])
+        moments = {name: own[here] for name, own in zip(("x", "y", "xx", "yy", "xy"), self._shape, strict=True)}
+        value -= plane_bias((slopes[0], slopes[1]), moments, np.sqrt(variance), whole, self._cell, self._along)
+        self._variance[here] *= scatter_level(value, variance, whole)
+        self._planes[0][here] = value
+        return PlaneFit(self._planes, self._sure, self._even, self._variance, self._cell, self._along)
+
+    def _windows(self, here: slice) -> Iterator[tuple[tuple[slice, ...], tuple[slice, slice], slice]]:
+        """Of those rows of cells the runs of columns that edges can be seen from, as their columns; the part of the
+        picture's sums that their windows see; and where in this they are."""
+        height, width = self._planes.shape[1:]
+        top, bottom = max(here.start - WINDOW_RADIUS, 0), min(here.stop + WINDOW_RADIUS, height)
+        filled = np.flatnonzero(self._sums[0, top:bottom].any(axis=0))
+        ends = np.flatnonzero(np.diff(filled) > 2 * MARGIN)
+        for first, last in zip(filled[np.r_[0, ends + 1]], filled[np.r_[ends, -1]], strict=True) if len(filled) else ():
+            left, right = max(int(first) - MARGIN, 0) // ALIGNED * ALIGNED, min(int(last) + MARGIN + 1, width)
+            start = left + WINDOW_RADIUS if left else 0
+            stop = right - WINDOW_RADIUS if right < width else width
+            inner = slice(here.start - top, here.stop - top), slice(start - left, stop - left)
+            yield (slice(None), slice(top, bottom), slice(left, right)), inner, slice(start, stop)
+
+    def _cells(self, rows: range) -> slice:
+        """The rows of cells of a band."""
+        return slice(rows.start // self._cell, -(-rows.stop // self._cell))
+
+
+def _filled(cells: NDArray[np.uint8], axis: int) -> slice:
+    """From the first to the last row, or column, that holds any, and as far as it tells of a bend."""
+    filled = np.flatnonzero(cells.max(axis=1 - axis))
+    return slice(max(int(filled[0]) - MARGIN, 0), int(filled[-1]) + MARGIN + 1) if len(filled) else slice(0, 1)
 
 
 def _windowed(own: dict[str, FloatImage], cell: int, along: int) -> dict[str, FloatImage]:

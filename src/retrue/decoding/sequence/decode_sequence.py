@@ -18,7 +18,7 @@ from retrue.decoding.light import FULL, saturated
 from retrue.decoding.sequence.arrange import ArrangedSequence, arrange, frames_of, scene_lights
 from retrue.decoding.sequence.read_sines import REASONS as SINE_REASONS
 from retrue.decoding.sequence.read_sines import plan_sines, read_sines
-from retrue.decoding.sequence.sine_faults import SineFault, find_sine_fault
+from retrue.decoding.sequence.sine_faults import ON_ITS_HEAD, SineFault, find_sine_fault
 from retrue.errors import CaptureError
 from retrue.geometry.arrays import FloatArray, Image
 from retrue.kernels import pixels as kernel
@@ -27,6 +27,8 @@ from retrue.patterns.sequence import FrameSequence
 
 MIRRORED = "the projector's picture is mirrored (rear projection, or a mirror?): switch that off in its menu"
 FEWEST_TO_TELL_SIDES, MOST_TO_TELL_SIDES = 100, 20_000
+FIRST_PX = 1.0
+"""The first pixel, which ends at 0.5, and a margin for noise."""
 LEAST_SINE = 0.1
 """Of the angle between the two axes of the projector, as the camera sees them."""
 REASONS = {**GRAY_REASONS, **SINE_REASONS}
@@ -117,6 +119,8 @@ def _read_all_the_same(sequence: ArrangedSequence, fault: SineFault) -> tuple[Co
     white, black, _ = scene_lights(fault.spec, pictures, pictures)
     sequence = replace(sequence, spec=fault.spec, pictures=pictures, white=white, black=black)
     points = decode_arranged(sequence)
+    if ON_ITS_HEAD in fault.causes:
+        points = _without_ends(points)
     assert points.card is not None
     card = replace(
         points.card,
@@ -124,6 +128,23 @@ def _read_all_the_same(sequence: ArrangedSequence, fault: SineFault) -> tuple[Co
         details={**points.card.details, "read_all_the_same": list(fault.causes), **fault.figures},
     )
     return replace(points, card=card), sequence
+
+
+def _without_ends(points: Correspondences) -> Correspondences:
+    """Without the projector's first column and row.
+
+    A picture on its head shows pixel n at side - 1 - n, shifts that run the other way show it at side - n, which at
+    the first pixel is a turn less. Which it is, only there matters by more than a pixel.
+    """
+    x, y = points.projector_px.T
+    kept = (x > FIRST_PX) & (y > FIRST_PX)
+    card, lost = points.card, int(np.count_nonzero(~kept))
+    assert card is not None
+    rejected = {**card.rejected, "beyond": card.rejected["beyond"] + lost}
+    coverage = card.coverage * (1 - lost / len(points))
+    return replace(
+        points.select(kept), card=replace(card, decoded=card.decoded - lost, rejected=rejected, coverage=coverage)
+    )
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -157,7 +178,12 @@ def decode_arranged(sequence: ArrangedSequence) -> Correspondences:
     with ThreadPoolExecutor(2) as threads:
         if gray_axes:
             found = read_gray(gray_sequence(sequence, gray_axes), threads, thorough=sequence.thorough)
-            read.append([Points(b.pixels, b.projector_px, b.sigma_px, None, b.seen, b.rejected) for b in found])
+            read.append(
+                [
+                    Points(own.found.pixels, own.found.projector_px, own.found.sigma_px, None, own.seen, own.rejected)
+                    for own in found
+                ]
+            )
             depths = np.sum([band.depths for band in found], axis=0).tolist()
             if len(depths) > 1:
                 details["points_by_bits_left_out"] = depths

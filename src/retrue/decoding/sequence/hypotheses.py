@@ -61,7 +61,8 @@ class Judgement:
     continuous : share of the changes between neighbours at which the code goes on by one or two.
     inside : share of the codes that lie in the projector.
     unlike : median over pairs of |pattern + inverse - their median|, of the contrast.
-    dark : by how much white less black falls short of the contrast, 0 to 2; 0 where the sequence has none.
+    dark : by how much white less black falls short of the contrast, 0 to 2; the brightest or darkest picture stands for
+        one that the sequence has not.
     changes : how many changes there were.
     """
 
@@ -141,9 +142,9 @@ def judge(sample: Sample, frames: Sequence[Frame], projector_size: tuple[int, in
 
 def _dark(here: FloatArray, frames: Sequence[Frame], contrast: FloatArray) -> float:
     codes = [frame.code for frame in frames]
-    if "white" not in codes or "black" not in codes:
-        return 0.0
-    light = (here[codes.index("white")] - here[codes.index("black")]) / contrast
+    white = here[codes.index("white")] if "white" in codes else here.max(axis=0)
+    black = here[codes.index("black")] if "black" in codes else here.min(axis=0)
+    light = (white - black) / contrast
     return float(np.clip(1 - np.median(light), 0, 2))
 
 

@@ -30,6 +30,10 @@ LIT_VARIANCE = float(1 / (2 * np.pi * LEAST_SIGNAL) ** 2)
 """Turns^2: that signal's variance of the phase."""
 JUMP_STEPS, JUMP_SIGMAS = 6.0, 6.0
 """A pixel whose neighbours differ by so many of the usual steps, and so many sigmas, sees two surfaces."""
+END_PX, END_REACH = 4.0, 3
+"""How far blur carries light: from the projector's ends in its pixels, and in the camera's."""
+WHOLE = 0.9
+"""Of the modulation beside it: a pixel with less sees the end of the picture."""
 NOWHERE_PX = -1e6
 SAMPLE_BANDS, SAMPLE_ROWS = 20, 4
 FEWEST_TURNS = 4
@@ -39,7 +43,7 @@ MOST_PIXELS_TO_FIT = 12_000
 REASONS = {
     "saturated": "a picture of the finest sine is at the end of its scale",
     "turn": "whole turns are not certain: coarse and fine pictures disagree by more than their noise",
-    "beyond": "coordinate beyond the projector",
+    "beyond": "coordinate beyond the projector, or at the end of its picture",
     "edge": "on the edge of a surface: neighbours differ by far more than elsewhere",
 }
 
@@ -133,7 +137,7 @@ def read_sines(
 
 def _read_band(sequence: ArrangedSequence, noise: Noise, plans: Sequence[AxisPlan], rows: range) -> SineBand:
     height, width = sequence.white.shape
-    top, bottom = max(rows.start - 1, 0), min(rows.stop + 1, height)
+    top, bottom = max(rows.start - END_REACH, 0), min(rows.stop + END_REACH, height)
     around, inner = slice(top, bottom), slice(rows.start - top, rows.stop - top)
     columns = _lit_columns(sequence, plans[0].sines[0], noise, around)
     cut = sequence.part(around, columns)
@@ -141,7 +145,7 @@ def _read_band(sequence: ArrangedSequence, noise: Noise, plans: Sequence[AxisPla
     lit = reduce(np.logical_and, [axis.lit for axis in axes])
     full = reduce(np.logical_or, [axis.saturated for axis in axes])
     turned = reduce(np.logical_and, [_certain(axis, lit, p) for axis, p in zip(axes, plans, strict=True)])
-    within = reduce(np.logical_and, [(a.px >= -0.5) & (a.px <= p.side - 0.5) for a, p in zip(axes, plans, strict=True)])
+    within = reduce(np.logical_and, [_inside(axis, plan.side) for axis, plan in zip(axes, plans, strict=True)])
     good = lit & ~full & turned & within
     flat: BoolArray = np.ones_like(good)
     for axis, plan in zip(axes, plans, strict=True):
@@ -212,6 +216,17 @@ def _certain(found: _AxisReading, lit: BoolArray, plan: AxisPlan) -> BoolArray:
         return good
     around = cv2.medianBlur(np.where(good, found.px, np.float32(NOWHERE_PX)), 3)
     return good & ~(risky & (np.abs(found.px - around) > plan.sines[0].period_px / 2))
+
+
+def _inside(found: _AxisReading, side: float) -> BoolArray:
+    """Where the coordinate is in the projector, and the pixel sees no end of its picture: a sine that is cut off there
+    has another phase, and adds less than beside it."""
+    inside = (found.px >= -0.5) & (found.px <= side - 0.5)
+    near = inside & ((found.px < END_PX - 0.5) | (found.px > side - END_PX - 0.5)) & found.lit
+    if not near.any():
+        return inside
+    beside = cv2.dilate(found.modulation, np.ones((2 * END_REACH + 1, 2 * END_REACH + 1), np.uint8))
+    return inside & ~(near & (found.modulation < WHOLE * beside))
 
 
 def _plan_axis(sequence: ArrangedSequence, axis: int, sines: list[Sine], noise: Noise) -> AxisPlan:

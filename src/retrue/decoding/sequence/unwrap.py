@@ -108,8 +108,9 @@ def ladder(sines: Sequence[Wrapped], side: float, coarse: Coarse | None) -> tupl
     if coarse is not None:
         return coarse, longest_first
     shorter = [sine for sine in longest_first if sine.period_px < side - SAME]
-    beats = [beat(short, long) for long, short in pairwise(longest_first)]
-    for made, steps in ((longest_first, shorter), (beats, [*beats, *shorter])):
+    for kind in ("sines", "beats"):
+        beats = [beat(short, long) for long, short in pairwise(longest_first)] if kind == "beats" else []
+        made, steps = (beats, [*beats, *shorter]) if beats else (longest_first, shorter)
         whole = [sine for sine in made if sine.period_px >= side - SAME]
         if whole:
             start = min(whole, key=lambda sine: sine.period_px)
