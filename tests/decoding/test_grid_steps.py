@@ -1,11 +1,13 @@
 """The steps of the colour-grid decoder that can be told apart: patches, growth's judge, noise."""
 
+import cv2
 import numpy as np
 import pytest
 
 from retrue.decoding.blocks.blobs import find_blocks
+from retrue.decoding.blocks.centres import refine_centres
 from retrue.decoding.blocks.growth import look_at
-from retrue.decoding.surface import Joints, median, noise_of
+from retrue.decoding.surface import Joints, bends, median, noise_of
 from retrue.geometry.nearest import nearest_of_all
 
 PITCH, DUTY = 20.0, 0.6
@@ -119,3 +121,29 @@ def test_a_blob_of_many_runs_has_the_moments_of_its_pixels() -> None:
     at = np.stack([x[blob], y[blob]], axis=-1)
     np.testing.assert_allclose(found.centre[0], at.mean(axis=0), rtol=1e-12)
     np.testing.assert_allclose(found.shape[0], np.cov(at.T, bias=True), rtol=1e-9)
+
+
+def test_a_bent_surface_bends_everywhere_and_a_crease_nowhere():
+    bent = surface(0.0, 0.1)
+    found = bends(bent, joined(30, 40))
+    assert np.allclose(found[..., 0, 0], 0.2)  # at the ends, too, as further inside
+    creased = surface(0.0)
+    creased[:, 21:, 0] += 0.3 * PITCH * np.arange(1, 20)
+    assert np.allclose(bends(creased, joined(30, 40)), 0)
+
+
+@pytest.mark.parametrize("fall", [0.0, 0.008])
+def test_light_that_falls_off_moves_no_centre(fall):
+    """Of each block, by that share of its light a pixel: four tenths from end to end of a block and its gap."""
+    rows, columns, fine = 8, 10, 8
+    size = np.array([rows, columns]) * int(PITCH)
+    centre = np.stack(np.meshgrid(np.arange(columns), np.arange(rows)), axis=-1) * PITCH + PITCH / 2 + 0.25
+    y, x = ((np.mgrid[: size[0] * fine, : size[1] * fine] + 0.5) / fine - 0.5) - 0.25
+    off = np.stack([x, y]) % PITCH - PITCH / 2
+    lit = (np.abs(off) < DUTY * PITCH / 2).all(axis=0) * (1 - 2.5 * fall * off[0])
+    light = lit.reshape(size[0], fine, size[1], fine).mean(axis=(1, 3))
+    light = cv2.GaussianBlur(light, (0, 0), 0.8)
+    picture = np.repeat((20 + 150 * light)[..., None], 3, axis=2).round().astype(np.uint8)
+    found = refine_centres(picture, centre + 0.4, joined(rows, columns), DUTY).camera_px
+    inside = (found - centre)[1:-1, 1:-1]
+    assert np.abs(inside.mean(axis=(0, 1))).max() < 0.05  # a fit of whole profiles is .26 px off

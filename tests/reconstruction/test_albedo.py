@@ -1,5 +1,7 @@
 """Colours without the shading of the projector's light, against a paint that is known."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -59,3 +61,18 @@ def test_without_neighbours_or_colours_there_is_no_albedo(lacking):
     points = shaded(**{lacking: False})[0]
     with pytest.raises(InputError, match="albedo: expected coloured points of a capture with a grid"):
         reconstruct(RIG, points, ReconstructOptions(albedo=True))
+
+
+@pytest.mark.parametrize("lost", [0.0, 0.3])
+def test_what_the_lens_loses_towards_its_corners_is_no_paint(lost):
+    points, _, thing, light = shaded()
+    half = np.array(RIG.camera.size) / 2
+    radius = np.linalg.norm(points.camera_px - RIG.camera.K[:2, 2], axis=1) / np.linalg.norm(half)
+    seen = (points.colors * (1 - lost * radius**2)[:, None]).round().astype(np.uint8)
+    dimmed = replace(points, colors=seen, light=points.light * (1 - lost * radius**2))
+    cloud = reconstruct(RIG, dimmed, ReconstructOptions(albedo=True, keep_strays=True))
+    wall = (light > 0.3) & (thing == WALL)
+    bright = cloud.colors[wall].max(axis=1).astype(float)
+    assert np.std(bright) / np.mean(bright) < 0.02
+    outer, inner = (bright[part].mean() for part in (radius[wall] > 0.6, radius[wall] < 0.3))
+    assert outer / inner == pytest.approx(1, abs=0.02)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from math import comb
 
 import numpy as np
 
@@ -50,14 +51,41 @@ def lengths(vectors: FloatArray) -> FloatArray:
     return np.sqrt(x * x + y * y)
 
 
-def slopes(position: FloatArray, joints: Joints) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """d position / d column, d position / d row, and the sum of both second derivatives, (rows, columns, 2) each.
+def slopes(position: FloatArray, joints: Joints) -> tuple[FloatArray, FloatArray]:
+    """d position / d column and d position / d row, (rows, columns, 2).
 
     One-sided at the ends of a surface; where a block has no neighbour in a direction, as its other neighbours have it.
     """
-    u, v, bend = np.empty(position.shape), np.empty(position.shape), np.empty(position.shape)
-    kernel.slopes(position, joints.right, joints.down, u, v, bend)
-    return u, v, bend
+    u, v = np.empty(position.shape), np.empty(position.shape)
+    kernel.slopes(position, joints.right, joints.down, u, v)
+    return u, v
+
+
+def bends(position: FloatArray, joints: Joints) -> FloatArray:
+    """(rows, columns, 2, 2) second derivatives along the row, along the column; 0 where nothing tells.
+
+    The median of five along the line: a bent surface has them alike, a crease bends two.
+    """
+    down = _bends_along(position.swapaxes(0, 1), joints.down.T).swapaxes(0, 1)
+    return np.stack([_bends_along(position, joints.right), down], axis=2)
+
+
+def _bends_along(position: FloatArray, linked: BoolArray) -> FloatArray:
+    """(rows, columns, 2) along the rows."""
+    unknown = np.full(position.shape, np.nan)
+    linked = linked[..., None]
+    own = unknown.copy()
+    own[:, 1:-1] = np.diff(np.where(linked, np.diff(position, axis=1), np.nan), axis=1)
+    around, ahead, behind = [own], own, own
+    for _ in range(2):
+        first, last = unknown.copy(), unknown.copy()
+        first[:, :-1], last[:, 1:] = np.where(linked, ahead[:, 1:], np.nan), np.where(linked, behind[:, :-1], np.nan)
+        ahead, behind = first, last
+        around += [ahead, behind]
+    ordered = np.sort(np.stack(around), axis=0)  # NaN comes last
+    count = np.isfinite(ordered).sum(axis=0, keepdims=True)
+    middle = [np.take_along_axis(ordered, np.maximum(place, 0), axis=0) for place in (count // 2, (count - 1) // 2)]
+    return np.where(count > 0, (middle[0] + middle[1]) / 2, 0.0)[0]
 
 
 def sound_joints(position: FloatArray, joints: Joints) -> Joints:
@@ -86,7 +114,7 @@ def whole_blocks(shape: FloatArray, position: FloatArray, joints: Joints) -> Boo
 
     `shape` (rows, columns, 2, 2) are the second moments M of the blocks; in grid units, J^-1 M J^-T with J the steps.
     """
-    u, v, _ = slopes(position, joints)
+    u, v = slopes(position, joints)
     side = np.empty(position.shape)
     kernel.measure_sides(shape.reshape(*shape.shape[:2], 4), u, v, side)
     whole: BoolArray = np.isfinite(side[..., 0])
@@ -119,11 +147,53 @@ def between_neighbours(position: FloatArray, odd: BoolArray, joints: Joints) -> 
     return expected, spread
 
 
+def mean_around(values: FloatArray, joints: Joints, steps: int) -> tuple[FloatArray, FloatArray]:
+    """Means (rows, columns, channels) of `values` that are known over the neighbours on one surface, and the sums of
+    their squared weights (rows, columns): by how much the mean's variance is less. NaN where none is known.
+
+    The weights are those of a random walk along the joints, a binomial that nothing crosses an edge with.
+    """
+    known = np.asarray(np.isfinite(values).all(axis=-1), dtype=np.bool_)
+    share = _walked(known[..., None].astype(np.float64), joints, steps)[..., 0]
+    with np.errstate(invalid="ignore", divide="ignore"):
+        mean = _walked(np.where(known[..., None], values, 0.0), joints, steps) / share[..., None]
+        return mean, _alone(steps) ** 2 / share
+
+
+def _walked(values: FloatArray, joints: Joints, steps: int) -> FloatArray:
+    """(rows, columns, channels) after steps that stay with weight 1/2 and take each joint with weight 1/4."""
+    right, down = joints.right[..., None] / 4, joints.down[..., None] / 4
+    for _ in range(steps):
+        across = values / 2
+        across[:, 1:] += right * values[:, :-1]
+        across[:, :-1] += right * values[:, 1:]
+        values = across / 2
+        values[1:] += down * across[:-1]
+        values[:-1] += down * across[1:]
+    return values
+
+
+def _alone(steps: int) -> float:
+    """Sum of the squared weights of a walk along one axis, nothing in its way."""
+    return comb(4 * steps, 2 * steps) / 4 ** (2 * steps)
+
+
 def bend_changes(position: FloatArray, joints: Joints) -> FloatArray:
     """Variance of one coordinate (4, rows, columns) from how each line's second differences change; NaN: no line."""
     lines = np.empty((DIRECTIONS, *position.shape[:2]))
     kernel.bend_changes(position, joints.right, joints.down, lines)
     return lines
+
+
+def usual_variance(position: FloatArray, joints: Joints) -> float:
+    """Of one coordinate of places `position`, all over the picture; 1 px^2 where no line tells."""
+    return _usual(bend_changes(position, joints))
+
+
+def _usual(lines: FloatArray) -> float:
+    known = lines[np.isfinite(lines)]
+    # The mean of two squared normal coordinates has its median at ln 2.
+    return median(known) / np.log(2) if len(known) else 1.0
 
 
 def noise_of(position: FloatArray, joints: Joints) -> FloatArray:
@@ -135,8 +205,7 @@ def noise_of(position: FloatArray, joints: Joints) -> FloatArray:
     """
     lines = bend_changes(position, joints)
     known = np.isfinite(lines)
-    # The mean of two squared normal coordinates has its median at ln 2.
-    usual = max(median(lines[known]) / np.log(2), LEAST_SIGMA**2) if known.any() else 1.0
+    usual = max(_usual(lines), LEAST_SIGMA**2)
     own = np.where(known, lines, 0.0).sum(axis=0)
     sigma = np.sqrt(np.maximum((PRIOR * usual + own) / (PRIOR + known.sum(axis=0)), LEAST_SIGMA**2))
     return np.where(np.isfinite(position[..., 0]), sigma, np.nan)

@@ -8,7 +8,6 @@ from __future__ import annotations
 import cython
 from cython.cimports.libc.math import fabs, hypot, isfinite, sqrt
 
-CREASE = cython.declare(cython.double, 0.1)  # change of the pitch between blocks that no smooth surface shows
 STEP_CHANGE = cython.declare(cython.double, 0.25)  # of a step, to the most similar one about it, on one surface
 SIDE_CHANGE = cython.declare(cython.double, 1.15)  # of a block, from its neighbours on one surface,
 PIXELS_CHANGE = cython.declare(cython.double, 1.0)  # and that many px / its side
@@ -100,34 +99,14 @@ def _borrowed_slope(
     return Vector(x / count, y / count) if count > 0 else Vector(NAN, NAN)
 
 
-@cython.cfunc
-@cython.nogil
-@cython.inline
-@cython.exceptval(check=False)
-def _add_bend(
-    ahead: Vector,
-    behind: Vector,
-    slope: Vector,
-    bend: cython.double[:, :, ::1],
-    r: cython.Py_ssize_t,
-    c: cython.Py_ssize_t,
-) -> cython.void:
-    """`bend` at (r, c) += the change from one step to the next, unless that is a crease's."""
-    x, y = ahead.x - behind.x, ahead.y - behind.y
-    if x * x + y * y < CREASE * CREASE * (slope.x * slope.x + slope.y * slope.y):
-        bend[r, c, 0] += x
-        bend[r, c, 1] += y
-
-
 def slopes(
     position: cython.const[cython.double][:, :, ::1],
     right: cython.const[cython.uchar][:, :],
     down: cython.const[cython.uchar][:, :],
     u: cython.double[:, :, ::1],
     v: cython.double[:, :, ::1],
-    bend: cython.double[:, :, ::1],
 ) -> cython.void:
-    """`u`, `v`, `bend` <- d position / d column, d position / d row, the sum of both second derivatives.
+    """`u`, `v` <- d position / d column, d position / d row.
 
     One-sided at the ends of a surface; where a block has no neighbour in a direction, as its other neighbours have it.
     """
@@ -136,16 +115,11 @@ def slopes(
         for r in range(position.shape[0]):
             for c in range(position.shape[1]):
                 here = isfinite(position[r, c, 0])
-                bend[r, c, 0], bend[r, c, 1] = 0.0, 0.0
-                ahead, behind = _step(position, right, r, c, 0, 1), _step(position, right, r, c - 1, 0, 1)
-                slope = _mean_step(ahead, behind)
-                _add_bend(ahead, behind, slope, bend, r, c)
+                slope = _mean_step(_step(position, right, r, c, 0, 1), _step(position, right, r, c - 1, 0, 1))
                 if here and not isfinite(slope.x):
                     slope = _borrowed_slope(position, right, down, r, c, True)
                 u[r, c, 0], u[r, c, 1] = slope.x, slope.y
-                ahead, behind = _step(position, down, r, c, 1, 0), _step(position, down, r - 1, c, 1, 0)
-                slope = _mean_step(ahead, behind)
-                _add_bend(ahead, behind, slope, bend, r, c)
+                slope = _mean_step(_step(position, down, r, c, 1, 0), _step(position, down, r - 1, c, 1, 0))
                 if here and not isfinite(slope.x):
                     slope = _borrowed_slope(position, right, down, r, c, False)
                 v[r, c, 0], v[r, c, 1] = slope.x, slope.y
@@ -302,6 +276,25 @@ def _middle(
     )
 
 
+@cython.cfunc
+@cython.nogil
+@cython.inline
+@cython.exceptval(check=False)
+def _bend(
+    position: cython.const[cython.double][:, :, ::1],
+    right: cython.const[cython.uchar][:, :],
+    down: cython.const[cython.uchar][:, :],
+    r: cython.Py_ssize_t,
+    c: cython.Py_ssize_t,
+    direction: cython.Py_ssize_t,
+) -> Vector:
+    """By how much (r, c) is off the middle of its neighbours in that direction; NaN where one of the three lacks."""
+    if not (0 <= r < position.shape[0] and 0 <= c < position.shape[1]):
+        return Vector(NAN, NAN)
+    middle = _middle(position, right, down, r, c, direction)
+    return Vector(position[r, c, 0] - middle.x, position[r, c, 1] - middle.y)
+
+
 def line_distances(
     position: cython.const[cython.double][:, :, ::1],
     right: cython.const[cython.uchar][:, :],
@@ -309,7 +302,8 @@ def line_distances(
     least: cython.double[:, ::1],
     off: cython.double[::1],
 ) -> cython.Py_ssize_t:
-    """`least` (rows, columns) <- distance from each block to the nearest middle of two neighbours opposite each other.
+    """`least` (rows, columns) <- distance from each block to the nearest middle of two neighbours opposite each other,
+    less by as much as these are off their own: a bent surface bends its lines everywhere, an odd block one place.
 
     `off` <- the offsets of all, x and y, as many as are returned.
     """
@@ -320,12 +314,17 @@ def line_distances(
             for c in range(position.shape[1]):
                 least[r, c] = INFINITY
                 for direction in range(DIRECTIONS):
-                    middle = _middle(position, right, down, r, c, direction)
-                    x, y = fabs(position[r, c, 0] - middle.x), fabs(position[r, c, 1] - middle.y)
-                    if isfinite(x + y):
-                        least[r, c] = min(least[r, c], sqrt(x * x + y * y))
-                        off[count], off[count + 1] = x, y
+                    dr, dc = (0 if direction == 0 else 1), (0 if direction == 1 else -1 if direction == 3 else 1)
+                    here = _bend(position, right, down, r, c, direction)
+                    if isfinite(here.x + here.y):
+                        least[r, c] = min(least[r, c], sqrt(here.x * here.x + here.y * here.y))
+                        off[count], off[count + 1] = fabs(here.x), fabs(here.y)
                         count += 2
+                        after = _bend(position, right, down, r + dr, c + dc, direction)
+                        before = _bend(position, right, down, r - dr, c - dc, direction)
+                        x, y = here.x - (after.x + before.x) / 2, here.y - (after.y + before.y) / 2
+                        if isfinite(x + y):
+                            least[r, c] = min(least[r, c], sqrt(x * x + y * y))
     return count
 
 
@@ -356,26 +355,8 @@ def meet_lines(
                 for direction in range(DIRECTIONS):
                     middle = _middle(position, right, down, r, c, direction)
                     if isfinite(middle.x):
-                        spread[r, c] = max(spread[r, c], hypot(middle.x - x, middle.y - y))
-
-
-@cython.cfunc
-@cython.nogil
-@cython.inline
-@cython.exceptval(check=False)
-def _bend(
-    position: cython.const[cython.double][:, :, ::1],
-    right: cython.const[cython.uchar][:, :],
-    down: cython.const[cython.uchar][:, :],
-    r: cython.Py_ssize_t,
-    c: cython.Py_ssize_t,
-    direction: cython.Py_ssize_t,
-) -> Vector:
-    """By how much (r, c) is off the middle of its neighbours in that direction; NaN where one of the three lacks."""
-    if not (0 <= r < position.shape[0] and 0 <= c < position.shape[1]):
-        return Vector(NAN, NAN)
-    middle = _middle(position, right, down, r, c, direction)
-    return Vector(position[r, c, 0] - middle.x, position[r, c, 1] - middle.y)
+                        dx, dy = middle.x - x, middle.y - y
+                        spread[r, c] = max(spread[r, c], sqrt(dx * dx + dy * dy))
 
 
 def bend_changes(

@@ -140,8 +140,8 @@ def fit_profiles(
 ) -> cython.void:
     """Move each of `blocks` to where two filters of its profiles, one along each axis, have its middle.
 
-    The middle lies `shift` off the centre at `position`, (N, 2) each; `borders` (K - 1,) are the blurs, in pitches,
-    between which each of the K pairs of `filters` (K, 2, T) is used."""
+    The middle along either axis lies `shift` (N, 4) off the centre at `position` (N, 2); `borders` (K - 1,) are the
+    blurs, in pitches, between which each of the K pairs of `filters` (K, 2, T) is used."""
     cython.declare(k=cython.Py_ssize_t, axis=cython.Py_ssize_t, i=cython.Py_ssize_t)
     with cython.nogil:
         samples = t.shape[0]
@@ -149,16 +149,13 @@ def fit_profiles(
             n = blocks[k]
             if not isfinite(position[n, 0] + right[n, 0] + down[n, 0]):
                 continue
-            x, y = position[n, 0] + shift[n, 0], position[n, 1] + shift[n, 1]
+            px, py = position[n, 0], position[n, 1]
             ux, uy, vx, vy = right[n, 0], right[n, 1], down[n, 0], down[n, 1]
             for axis in range(2):
-                if axis == 0:
-                    _read_profile(pixels, height, width, levels, weights, n, x, y, ux, uy, vx, vy, t, s, profile)
-                    pitch = sqrt(ux * ux + uy * uy)
-                else:
-                    _read_profile(pixels, height, width, levels, weights, n, x, y, vx, vy, ux, uy, t, s, profile)
-                    pitch = sqrt(vx * vx + vy * vy)
-                blur = blur_px / max(pitch, 1e-6)
+                x, y = px + shift[n, 2 * axis], py + shift[n, 2 * axis + 1]
+                ax, ay, bx, by = (ux, uy, vx, vy) if axis == 0 else (vx, vy, ux, uy)
+                _read_profile(pixels, height, width, levels, weights, n, x, y, ax, ay, bx, by, t, s, profile)
+                blur = blur_px / max(sqrt(ax * ax + ay * ay), 1e-6)
                 kind: cython.Py_ssize_t = 0
                 while kind < borders.shape[0] and borders[kind] < blur:
                     kind += 1
@@ -167,10 +164,7 @@ def fit_profiles(
                     lit += filters[kind, 0, i] * profile[i]
                     moved += filters[kind, 1, i] * profile[i]
                 off = min(max(moved / max(lit, 1e-6), -FARTHEST_FIT), FARTHEST_FIT)
-                if axis == 0:
-                    position[n, 0], position[n, 1] = position[n, 0] + off * ux, position[n, 1] + off * uy
-                else:
-                    position[n, 0], position[n, 1] = position[n, 0] + off * vx, position[n, 1] + off * vy
+                position[n, 0], position[n, 1] = position[n, 0] + off * ax, position[n, 1] + off * ay
 
 
 def fit_sides(
@@ -188,8 +182,12 @@ def fit_sides(
     profile: cython.double[::1],
     position: cython.double[:, ::1],
 ) -> cython.void:
-    """The same by their two sides alone, each where the area under its profile, over the window `t`, says."""
-    cython.declare(k=cython.Py_ssize_t, side=cython.Py_ssize_t, i=cython.Py_ssize_t)
+    """The same by their two sides alone, each where the area under its profile, over the window `t`, says.
+
+    Light that falls off across the block, as the inner ends of both windows show, goes on to the side as it does there:
+    the lit half of a window of length 2 h, where the light rises by s a pitch, is s h / 2 brighter than its inner end.
+    """
+    cython.declare(k=cython.Py_ssize_t, axis=cython.Py_ssize_t, side=cython.Py_ssize_t, i=cython.Py_ssize_t)
     with cython.nogil:
         samples = t.shape[0]
         half = (t[samples - 1] - t[0]) / 2
@@ -197,30 +195,28 @@ def fit_sides(
             n = blocks[k]
             if not isfinite(position[n, 0] + right[n, 0] + down[n, 0]):
                 continue
-            x, y = position[n, 0] + shift[n, 0], position[n, 1] + shift[n, 1]
+            px, py = position[n, 0], position[n, 1]
             ux, uy, vx, vy = right[n, 0], right[n, 1], down[n, 0], down[n, 1]
-            along_u, along_v = 0.0, 0.0
-            for side in range(4):
-                sign = 1.0 if side % 2 == 0 else -1.0
-                if side < 2:
+            for axis in range(2):
+                x, y = px + shift[n, 2 * axis], py + shift[n, 2 * axis + 1]
+                ax, ay, bx, by = (ux, uy, vx, vy) if axis == 0 else (vx, vy, ux, uy)
+                along, inner, rise = 0.0, 0.0, 0.0
+                for side in range(2):
+                    sign = 1.0 if side == 0 else -1.0
                     _read_profile(
-                        pixels, height, width, levels, weights, n, x, y, sign * ux, sign * uy, vx, vy, t, s, profile
+                        pixels, height, width, levels, weights, n, x, y, sign * ax, sign * ay, bx, by, t, s, profile
                     )
-                else:
-                    _read_profile(
-                        pixels, height, width, levels, weights, n, x, y, sign * vx, sign * vy, ux, uy, t, s, profile
-                    )
-                total, last = 0.0, profile[samples - 1]
-                for i in range(samples):
-                    total += profile[i]
-                share = (total / samples - last) / max(profile[0] - last, 1e-6)
-                off = sign * (min(max(share, 0.0), 1.0) - 0.5) * half
-                if side < 2:
-                    along_u += off
-                else:
-                    along_v += off
-            position[n, 0] += along_u * ux + along_v * vx
-            position[n, 1] += along_u * uy + along_v * vy
+                    total, last = 0.0, profile[samples - 1]
+                    for i in range(samples):
+                        total += profile[i]
+                    step = max(profile[0] - last, 1e-6)
+                    share = (total / samples - last) / step
+                    along += sign * (min(max(share, 0.0), 1.0) - 0.5) * half
+                    rise += 1 / step
+                    inner += sign * profile[0]
+                along -= 0.25 * half * half * rise * inner / (2 * t[0])
+                position[n, 0] += along * ax
+                position[n, 1] += along * ay
 
 
 @cython.cfunc

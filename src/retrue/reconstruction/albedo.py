@@ -6,14 +6,21 @@ import numpy as np
 from numpy.typing import NDArray
 
 from retrue.correspondences import Correspondences
-from retrue.geometry.arrays import FloatArray
-from retrue.reconstruction.normals import surface_normals
-from retrue.reconstruction.surface_grid import SurfaceGrid
+from retrue.geometry.arrays import BoolArray, FloatArray
+from retrue.geometry.robust import MAD_TO_SIGMA, biweight
+from retrue.reconstruction.normals import bent_normals
+from retrue.reconstruction.surface_grid import SurfaceGrid, linked
 from retrue.rig import Rig
 
 STEEPEST = 0.2
 """Least cosine that a normal may have: a point that is lit so little, beyond 78 degrees, would hardly be one."""
-ENOUGH = 3  # neighbours that the surface goes on to, for a normal
+ENOUGH = 4  # neighbours that the surface goes on to, for a sure normal
+FARTHEST = 8  # cells from those
+STEPS = 12  # of the differences that tell vignetting, on the longer side of the grid
+FEWEST = 200  # of them
+ROUNDS = 10
+FINEST = 1e-3  # of the light: what cameras round to
+BEYOND_DOUBT = 3.0  # sigmas
 
 
 def albedo(rig: Rig, points: Correspondences, X: FloatArray, grid: SurfaceGrid) -> NDArray[np.uint8]:
@@ -21,37 +28,104 @@ def albedo(rig: Rig, points: Correspondences, X: FloatArray, grid: SurfaceGrid) 
 
     A dull surface of albedo a returns a cos(theta) / d^2 of the projector's light, d away from it and theta between its
     normal and the way there. The room's light is left out where `points.light` tells the projector's own share. The
-    factor leaves the median brightness as it was. The vignetting of either lens, which a picture of a scene does not
-    tell from albedo, stays. Where too few neighbours tell a normal, theirs count.
+    factor leaves the median brightness as it was. What the camera's lens loses towards its corners goes too, as far as
+    the cloud tells it (`_vignetting`); at a rim, where normals are unsure, neighbours help (`_evened`).
 
     Parameters
     ----------
     points : N, with colours. X : (N, 3) where they lie. grid : of X.
 
-    Source: Lambert's cosine law and the inverse square law, as in Horn, "Robot Vision", 1986, chapter 10.
+    Source: Lambert's cosine law and the inverse square law, as in Horn, "Robot Vision", 1986, chapter 10; vignetting
+    from gradients, as Zheng, Yu, Kang, Lin and Kambhamettu, "Single-image vignetting correction using radial gradient
+    symmetry", CVPR 2008.
     """
     assert points.colors is not None
-    found: FloatArray = points.colors * (_own_share(points) / _shading(rig, X, grid))[:, None]
+    seen = points.colors * _own_share(points)[:, None]
+    shading, sure = _shading(rig, X, grid)
+    found = seen / shading[:, None]
+    vignetting = _vignetting(rig, points, np.where(sure[:, None], found, np.nan), grid)
+    found = _evened(found / vignetting[:, None], seen, sure, grid)
     before, level = (float(np.median(colors.max(axis=1))) for colors in (points.colors, found))
     return np.clip((found * (before / level if level > 0 else 0.0)).round(), 0, 255).astype(np.uint8)
 
 
-def _shading(rig: Rig, X: FloatArray, grid: SurfaceGrid) -> FloatArray:
-    """(N,) cos(theta) / d^2, in 1 / unit^2."""
+def _shading(rig: Rig, X: FloatArray, grid: SurfaceGrid) -> tuple[FloatArray, BoolArray]:
+    """(N,) cos(theta) / d^2, in 1 / unit^2, NaN where no normal is told; and where it is in the midst of a surface."""
     way = rig.projector_from_camera.inverse().t - X
     distance = np.linalg.norm(way, axis=1)
-    cosine: FloatArray = (surface_normals(X, grid) * way).sum(axis=1) / distance
+    cosine: FloatArray = (bent_normals(X, grid) * way).sum(axis=1) / distance
+    lit = cosine > STEEPEST
+    links = np.bincount(np.concatenate(grid.links()), minlength=len(X))
+    return np.where(lit, cosine / distance**2, np.nan), lit & (links >= ENOUGH)
+
+
+def _evened(found: FloatArray, seen: FloatArray, sure: BoolArray, grid: SurfaceGrid) -> FloatArray:
+    """(N, 3) albedo, at a rim as bright as it is there and as the neighbours are, weighted by how sure either is.
+
+    How paint changes from a point to its neighbours, the `sure` points show; how much more the others do, is the error
+    of their shading. Those without any are of the colour that is `seen`.
+    """
+    with np.errstate(divide="ignore"):
+        level = np.log(found.max(axis=1))
+    own = np.where(np.isfinite(level), level, np.nan)
+    around = _mean_of_neighbours(np.where(sure, own, np.nan), grid)
+    paint, both = (_variance((own - around)[here]) for here in (sure, ~sure))
+    share = min(paint / both, 1.0) if both > 0 else 1.0
+    filled = np.where(sure, own, around)
+    for _ in range(FARTHEST):
+        filled = np.where(np.isnan(filled), _mean_of_neighbours(filled, grid), filled)
+    known = np.isfinite(filled)
+    filled = np.where(known, filled, float(np.median(filled[known])) if known.any() else 0.0)
+    mixed = np.where(np.isfinite(own), share * own + (1 - share) * filled, filled)
+    chroma = seen / np.maximum(seen.max(axis=1, keepdims=True), 1e-9)
+    return np.exp(np.where(sure, filled, mixed))[:, None] * chroma
+
+
+def _mean_of_neighbours(values: FloatArray, grid: SurfaceGrid) -> FloatArray:
+    """(N,) of those that are known, of the neighbours that the surface goes on to; NaN where there are none."""
     a, b = grid.links()
-    links = np.bincount(np.concatenate([a, b]), minlength=len(X))
-    known = (cosine > STEEPEST) & (links >= ENOUGH)
-    total, count = np.zeros(len(X)), np.zeros(len(X))
+    total, count = np.zeros(len(values)), np.zeros(len(values))
     for point, neighbour in ((a, b), (b, a)):
-        tells = known[neighbour]
-        total += np.bincount(point[tells], cosine[neighbour[tells]], len(X))
-        count += np.bincount(point[tells], minlength=len(X))
-    usual = float(np.median(cosine[known])) if known.any() else 1.0
-    beside = np.where(count > 0, total / np.maximum(count, 1), usual)
-    return np.where(known, cosine, beside) / distance**2
+        tells = np.isfinite(values[neighbour])
+        total += np.bincount(point[tells], values[neighbour[tells]], len(values))
+        count += np.bincount(point[tells], minlength=len(values))
+    return np.where(count > 0, total / np.maximum(count, 1), np.nan)
+
+
+def _variance(off: FloatArray) -> float:
+    """Mean square of those that are known; 0 of none."""
+    off = off[np.isfinite(off)]
+    return float(np.mean(off**2)) if len(off) else 0.0
+
+
+def _vignetting(rig: Rig, points: Correspondences, found: FloatArray, grid: SurfaceGrid) -> FloatArray:
+    """(N,) exp(-k r^2), the camera's share of light at r from its principal point, 1 at half the diagonal; 1 in doubt.
+
+    Paint changes outwards as often as inwards, and mostly from place to place; vignetting is one k for the whole
+    picture. So k is the robust slope of the log of brightness by r^2, from the differences of points on one surface.
+    """
+    size = np.array(rig.camera.size, dtype=np.float64)
+    square = 4 * ((points.camera_px - rig.camera.K[:2, 2]) ** 2).sum(axis=1) / float(size @ size)
+    step = max(1, max(grid.index.shape) // STEPS)
+    a, b = np.concatenate([linked(grid.index, grid.right, step), linked(grid.index.T, grid.down.T, step)]).T
+    with np.errstate(divide="ignore"):
+        level = np.log(found.mean(axis=1))
+    change, lever = level[a] - level[b], square[a] - square[b]
+    told = np.isfinite(change)
+    change, lever = change[told], lever[told]
+    if len(change) < FEWEST:
+        return np.ones(len(found))
+    k, sigma, information = 0.0, 0.0, 0.0
+    for _ in range(ROUNDS):
+        off = change + k * lever
+        sigma = max(MAD_TO_SIGMA * float(np.median(np.abs(off))), FINEST)
+        weight = biweight(off / sigma)
+        information = float((weight * lever**2).sum())
+        if not information > 0:
+            return np.ones(len(found))
+        k = -float((weight * lever * change).sum()) / information
+    doubt = sigma * float(np.sqrt(step / information))  # pairs that overlap share their ends
+    return np.exp(-k * square) if k > BEYOND_DOUBT * doubt else np.ones(len(found))
 
 
 def _own_share(points: Correspondences) -> FloatArray:

@@ -19,6 +19,8 @@ from retrue.reconstruction.surface_grid import SurfaceGrid, surface_grid
 CELLS_PER_STEP = 160  # the walk takes one step for so many cells of the longer side,
 FEWEST_STEPS, MOST_STEPS = 2, 32  # within these
 BAND = 256  # rows at a time, to save memory
+QUADRIC = 6  # coefficients
+WORST_CONDITION = 1e13  # of their moments: beyond it the neighbours tell no quadric
 FLATTEST = 1e-9  # determinant of the moments, relative to the product of their diagonal: points on a line
 
 
@@ -37,6 +39,52 @@ def surface_normals(points: FloatArray, grid: SurfaceGrid) -> FloatArray:
     return -n / np.linalg.norm(n, axis=1, keepdims=True)
 
 
+def bent_normals(points: FloatArray, grid: SurfaceGrid) -> FloatArray:
+    """The same of the quadrics of w through the neighbours: at a rim, whose neighbours all lie to one side, a plane has
+    the normal further inside. Where too few neighbours tell a quadric, that of the plane.
+    """
+    found = surface_normals(points, grid)
+    steps = _steps(grid)
+    height = grid.index.shape[0]
+    for top in range(0, height, BAND):
+        first, last = max(0, top - steps), min(height, top + BAND + steps)
+        n = _tangents_of_quadrics(points, grid, slice(first, last), steps)[top - first : top - first + BAND]
+        index = grid.index[top : top + BAND]
+        told = (index >= 0) & np.isfinite(n[..., 0])
+        found[index[told]] = -n[told] / np.linalg.norm(n[told], axis=1, keepdims=True)
+    return found
+
+
+def _steps(grid: SurfaceGrid) -> int:
+    return min(max(FEWEST_STEPS, max(grid.index.shape) // CELLS_PER_STEP), MOST_STEPS)
+
+
+def _tangents_of_quadrics(points: FloatArray, grid: SurfaceGrid, rows: slice, steps: int) -> FloatArray:
+    """n / d (h, W, 3) of the plane that touches the quadric w(x, y) at each cell of those rows; NaN: none is told."""
+    index = grid.index[rows]
+    there = index >= 0
+    rays = np.where(there[..., None], points[index, :2] / points[index, 2:], 0.0)
+    centre, size = rays[there].mean(axis=0) if there.any() else np.zeros(2), max(float(np.ptp(rays)), 1e-9)
+    x, y = np.moveaxis((rays - centre) / size * there[..., None], -1, 0)
+    right = grid.right[rows].astype(np.float64)[..., None]
+    down = grid.down[rows.start : rows.stop - 1].astype(np.float64)[..., None]
+    terms = np.stack([there.astype(np.float64), x, y, x * x, x * y, y * y], axis=-1)
+    i, j = np.triu_indices(QUADRIC)
+    w = np.where(there, grid.w[rows], 0.0)[..., None]
+    sums = _walked(np.concatenate([terms[..., i] * terms[..., j], terms * w], axis=-1), right, down, steps)
+    moments = np.zeros((*index.shape, QUADRIC, QUADRIC))
+    moments[..., i, j] = moments[..., j, i] = sums[..., : len(i)]
+    plane = np.full((*index.shape, 3), np.nan)
+    known = there & (_walked(terms[..., :1], right, down, steps)[..., 0] > 0)
+    known[known] = np.linalg.cond(moments[known]) < WORST_CONDITION
+    a = np.linalg.solve(moments[known], sums[known][:, len(i) :, None])[..., 0]
+    x, y = x[known], y[known]
+    w_x, w_y = (a[:, 1] + 2 * a[:, 3] * x + a[:, 4] * y) / size, (a[:, 2] + a[:, 4] * x + 2 * a[:, 5] * y) / size
+    ray = rays[known]
+    plane[known] = np.stack([w_x, w_y, grid.w[rows][known] - w_x * ray[:, 0] - w_y * ray[:, 1]], axis=1)
+    return plane
+
+
 def local_planes(
     points: FloatArray, grid: SurfaceGrid, counted: BoolArray | None = None, steps: int | None = None
 ) -> FloatArray:
@@ -48,9 +96,9 @@ def local_planes(
     steps : of the walk; None: as many as suit a grid of that size.
     """
     planes = np.full(points.shape, np.nan)
-    height, width = grid.index.shape
+    height = grid.index.shape[0]
     if steps is None:
-        steps = min(max(FEWEST_STEPS, max(height, width) // CELLS_PER_STEP), MOST_STEPS)
+        steps = _steps(grid)
     counts = np.ones(len(points), dtype=np.bool_) if counted is None else counted
     for top in range(0, height, BAND):
         first, last = max(0, top - steps), min(height, top + BAND + steps)

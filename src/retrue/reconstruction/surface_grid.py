@@ -83,6 +83,16 @@ def cell_index(cells: IntArray) -> IntArray:
     return index
 
 
+def linked(index: IntArray, right: BoolArray, step: int) -> IntArray:
+    """(M, 2) points of a row, so many cells apart, between which the surface goes on without a jump."""
+    count = index.shape[1] - step
+    if count <= 0:
+        return np.empty((0, 2), dtype=np.int64)
+    along = np.pad(np.cumsum(right, axis=1), ((0, 0), (1, 0)))
+    whole = along[:, step:] - along[:, :count] == step
+    return np.stack([index[:, :count][whole], index[:, step:][whole]], axis=1)
+
+
 def cells_from_rim(grid: SurfaceGrid, count: int, most: int) -> IntArray:
     """(N,) how many cells each of `count` points lies from one that is not linked to all its four neighbours.
 

@@ -8,7 +8,7 @@ import numpy as np
 
 from retrue.decoding.blocks.colors import Colors, local_level
 from retrue.decoding.blocks.links import NONE
-from retrue.decoding.surface import Joints, lengths, slopes
+from retrue.decoding.surface import Joints, lengths, median, slopes
 from retrue.geometry.arrays import BoolArray, FloatArray, Image, IntArray
 from retrue.geometry.nearest import nearest
 from retrue.kernels import profiles as kernel
@@ -17,7 +17,7 @@ SIDES = ((0, 1), (1, 0), (0, -1), (-1, 0))  # (down, right), in the order right,
 ROUNDS = 8
 MISFIT = 1.25  # most of a new block: wrong ones reached down to 1.6
 CUT_MISFIT = 2.0  # most of a block that its colours placed
-DOUBT = 0.017  # pitches that a new block of misfit 1 is off, one standard deviation
+DOUBT = 0.017  # pitches that a block of misfit 1 is off, one standard deviation
 APART = 0.5  # pitches, least distance between two blocks
 SAMPLES = 15  # along a side of a patch
 FARTHEST = 0.06  # pitches from where the surface would have the block
@@ -98,14 +98,24 @@ class Surfaces:
         return np.isfinite(self.position[..., 0])
 
 
-def cut_blocks(picture: Image, position: FloatArray, joints: Joints, duty: float) -> BoolArray:
-    """(rows, columns) blocks at the rim of their surface that are not all there, or not where they were measured."""
-    u, v, _ = slopes(position, joints)
-    rim = np.isfinite(position[..., 0]) & ~joints.inside()
-    cut = rim & ~np.isfinite(u[..., 0] + v[..., 0])
-    rim &= ~cut
-    cut[rim] = ~(look_at(picture, position[rim], u[rim], v[rim], duty).misfit() < CUT_MISFIT)
-    return cut
+def look_again(
+    picture: Image, position: FloatArray, joints: Joints, unlike: BoolArray, duty: float
+) -> tuple[BoolArray, FloatArray]:
+    """Measured blocks (rows, columns) that are cut: at the rim of their surface, and not all there, or not where they
+    were measured. And what the centres of those and of the `unlike` may be off by their look, one sigma in px; 0 of
+    the others.
+
+    What makes a block unlike a whole one, such as an edge, a crease or a print through it, moves its centre alike.
+    """
+    u, v = slopes(position, joints)
+    held = np.isfinite(position[..., 0])
+    rim = held & ~joints.inside()
+    known = (rim | unlike) & np.isfinite(u[..., 0] + v[..., 0])
+    misfit = np.where(held & (rim | unlike), CUT_MISFIT, 0.0)
+    misfit[known] = np.fmin(look_at(picture, position[known], u[known], v[known], duty).misfit(), CUT_MISFIT)
+    pitch = np.minimum(lengths(u), lengths(v))
+    usual = median(pitch[known]) if known.any() else 0.0
+    return rim & ~(misfit < CUT_MISFIT), DOUBT * np.where(known, pitch, usual) * misfit
 
 
 def grow(
@@ -121,7 +131,7 @@ def grow(
     right, down = surfaces.joints.right.copy(), surfaces.joints.down.copy()
     held = surfaces.held
     for _ in range(ROUNDS):
-        u, v, _ = slopes(position, Joints(right, down))
+        u, v = slopes(position, Joints(right, down))
         source, side = _ahead(fresh & np.isfinite(u[..., 0] + v[..., 0]), held)
         if not len(source):
             break

@@ -53,7 +53,7 @@ def place_islands(
     surface is: so few ways to lie remain, and few blobs settle which.
     """
     place = np.full(len(blocks), NONE)
-    u, v, _ = slopes(position, joints)
+    u, v = slopes(position, joints)
     held = np.isfinite(position[..., 0] + u[..., 0] + v[..., 0])
     if not held.any() or not left.any():
         return place

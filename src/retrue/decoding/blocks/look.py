@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from retrue.decoding.blocks.blobs import Blocks, find_blocks
 from retrue.decoding.blocks.centres import refine_centres
 from retrue.decoding.blocks.colors import Colors, separate_colors
-from retrue.decoding.blocks.growth import MISFIT, Surfaces, cut_blocks, grow
+from retrue.decoding.blocks.growth import MISFIT, Surfaces, grow, look_again
 from retrue.decoding.blocks.holders import held_by, hold_places, on_surfaces
 from retrue.decoding.blocks.islands import place_islands
 from retrue.decoding.blocks.links import NONE, Links, link_blocks
@@ -69,11 +69,20 @@ def look(pattern: ColorGrid, picture: Image, halvings: int) -> GridSight:
         verdict=verdict,
         holder=holder,
         centre_px=surfaces.position,
-        sigma_px=np.hypot(noise_of(surfaces.position, surfaces.joints), surfaces.doubt),
+        sigma_px=_sigma(surfaces),
         confidence=np.where(np.isfinite(surfaces.misfit), 1 - 0.5 * surfaces.misfit / MISFIT, by_color),
         color=np.clip(np.nan_to_num(surfaces.light), 0, 255).astype(np.uint8),
         light=surfaces.light,
     )
+
+
+def _sigma(surfaces: Surfaces) -> FloatArray:
+    """(rows, columns) px: how the centres scatter, and their doubt, as far as that is more than the usual one, which
+    the scatter holds already."""
+    doubted = surfaces.doubt[surfaces.held]
+    usual = median(doubted) if len(doubted) else 0.0
+    more = np.sqrt(np.maximum(surfaces.doubt**2 - usual**2, 0.0))
+    return np.hypot(noise_of(surfaces.position, surfaces.joints), more)
 
 
 def _block_px(blocks: Blocks, links: Links, verdict: IntArray) -> float:
@@ -107,13 +116,14 @@ class _Table:
         centres = refine_centres(self.picture, coarse, joints, self.duty)
         position = centres.camera_px
         there = np.isfinite(position[..., 0])
-        there &= ~cut_blocks(self.picture, position, joints.between(there), self.duty)
+        cut, doubt = look_again(self.picture, position, joints.between(there), centres.unlike, self.duty)
+        there &= ~cut
         joints = joints.between(there)
         new = there[..., None]
         together = Surfaces(
             np.where(new, position, surfaces.position),
             np.where(new, held_by(holder, self.blocks.color, np.nan), surfaces.light),
-            np.where(there, centres.doubt_px, surfaces.doubt),
+            np.where(there, np.hypot(centres.doubt_px, doubt), surfaces.doubt),
             surfaces.misfit,
             Joints(surfaces.joints.right | joints.right, surfaces.joints.down | joints.down),
         )
@@ -126,7 +136,7 @@ class _Table:
     def nearest_blocks(self, surfaces: Surfaces) -> tuple[IntArray, FloatArray]:
         """Index (N,) in the code of the block that each blob is, or covers, or -1; and the distance of its centre."""
         position = self.scaled(surfaces.position)
-        u, v, _ = slopes(position, surfaces.joints)
+        u, v = slopes(position, surfaces.joints)
         pitch = np.minimum(lengths(u), lengths(v)).ravel()
         known = np.flatnonzero(np.isfinite(pitch))
         if not len(known):

@@ -68,7 +68,7 @@ def look_at(picture: Image, start: FloatArray, u: FloatArray, v: FloatArray) -> 
 
 def measured(picture: Image, surfaces: Surfaces, code: Code) -> Surfaces:
     """`surfaces` with each crossing where its two lines are; without those that are not there."""
-    u, v, _ = slopes(surfaces.position, surfaces.joints)
+    u, v = slopes(surfaces.position, surfaces.joints)
     row, column = np.nonzero(surfaces.held & np.isfinite(u[..., 0] + v[..., 0]))
     found = look_at(picture, surfaces.position[row, column], u[row, column], v[row, column])
     good = found.crossing & code.right(row, column, found.lights)
@@ -105,7 +105,7 @@ def grow(picture: Image, surfaces: Surfaces, code: Code) -> Surfaces:
 
 def look_ahead(picture: Image, surfaces: Surfaces, fresh: BoolArray) -> tuple[Ahead, Looked, FloatArray]:
     """The free places beside the `fresh` crossings (rows, columns), what is seen there, and the pitch (N,) in px."""
-    u, v, _ = slopes(surfaces.position, surfaces.joints)
+    u, v = slopes(surfaces.position, surfaces.joints)
     ahead = _ahead(fresh & np.isfinite(u[..., 0] + v[..., 0]), surfaces.held)
     step = np.array(SIDES)[ahead.side]
     r, c = ahead.source.T

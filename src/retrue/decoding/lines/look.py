@@ -122,7 +122,7 @@ def _on_code(placed: _Placed) -> Surfaces:
 
 def _pitch(surfaces: Surfaces, crossings: Crossings, scale: int) -> float:
     """Median distance between lines in px, of the surfaces, or of all crossings; 0: none."""
-    u, v, _ = slopes(surfaces.position, surfaces.joints)
+    u, v = slopes(surfaces.position, surfaces.joints)
     steps = np.minimum(lengths(u), lengths(v))[surfaces.held]
     if not np.isfinite(steps).any():
         u, v = crossings.steps()
