@@ -147,3 +147,27 @@ def test_light_that_falls_off_moves_no_centre(fall):
     found = refine_centres(picture, centre + 0.4, joined(rows, columns), DUTY).camera_px
     inside = (found - centre)[1:-1, 1:-1]
     assert np.abs(inside.mean(axis=(0, 1))).max() < 0.05  # a fit of whole profiles is .26 px off
+
+
+@pytest.mark.parametrize("shape", [(1, 1), (2, 7), (9, 6)])
+def test_a_bend_is_the_median_of_five_second_differences(shape):
+    rng = np.random.default_rng(sum(shape))
+    position = rng.normal(size=(*shape, 2))
+    position[rng.random(shape) < 0.1] = np.nan
+    rows, columns = shape
+    joints = Joints(rng.random((rows, columns - 1)) < 0.85, rng.random((rows - 1, columns)) < 0.85)
+    found = bends(position, joints)
+    for line, places, linked in (
+        (0, position, joints.right),
+        (1, position.swapaxes(0, 1), joints.down.T),
+    ):
+        for r, c in np.ndindex(places.shape[:2]):
+            near = [
+                k
+                for k in range(max(c - 2, 1), min(c + 3, places.shape[1] - 1))
+                if linked[r, min(c, k) : max(c, k)].all()
+            ]
+            told = [np.diff(places[r, k - 1 : k + 2], 2, axis=0)[0] for k in near if linked[r, k - 1 : k + 1].all()]
+            told = [bend for bend in told if np.isfinite(bend).all()]
+            own = found[r, c, 0] if line == 0 else found[c, r, 1]
+            np.testing.assert_allclose(own, np.median(told, axis=0) if told else [0, 0], atol=1e-12)

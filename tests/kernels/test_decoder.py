@@ -17,7 +17,7 @@ from retrue.geometry import nearest
 from retrue.patterns.color_grid import make_color_grid
 from tests.kernels.plain import SOURCES, plain
 
-KERNELS = ("blobs", "lattice", "links", "places", "profiles")
+KERNELS = ("blobs", "curvature", "lattice", "links", "places", "profiles")
 FIELDS = ("label", "verdict", "holder", "centre_px", "sigma_px", "confidence", "color")
 
 
@@ -65,7 +65,7 @@ def test_every_kernel_says_the_same_uncompiled(
     assert (expected.holder >= 0).sum() > 60
     called: set[str] = set()
     for module in (blobs, centres, colors, growth, holders, islands, links, nearest, places, surface):
-        for name in ("kernel", "link_kernel"):
+        for name in ("kernel", "link_kernel", "bend_kernel"):
             if hasattr(module, name):
                 monkeypatch.setattr(module, name, Checked(getattr(module, name), called))
     found = inspect_color_grid(grid, picture)

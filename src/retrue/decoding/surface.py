@@ -8,6 +8,7 @@ from math import comb
 import numpy as np
 
 from retrue.geometry.arrays import BoolArray, FloatArray
+from retrue.kernels import curvature as bend_kernel
 from retrue.kernels import lattice as kernel
 
 OUTLIER_SIGMAS = 5.0
@@ -66,26 +67,9 @@ def bends(position: FloatArray, joints: Joints) -> FloatArray:
 
     The median of five along the line: a bent surface has them alike, a crease bends two.
     """
-    down = _bends_along(position.swapaxes(0, 1), joints.down.T).swapaxes(0, 1)
-    return np.stack([_bends_along(position, joints.right), down], axis=2)
-
-
-def _bends_along(position: FloatArray, linked: BoolArray) -> FloatArray:
-    """(rows, columns, 2) along the rows."""
-    unknown = np.full(position.shape, np.nan)
-    linked = linked[..., None]
-    own = unknown.copy()
-    own[:, 1:-1] = np.diff(np.where(linked, np.diff(position, axis=1), np.nan), axis=1)
-    around, ahead, behind = [own], own, own
-    for _ in range(2):
-        first, last = unknown.copy(), unknown.copy()
-        first[:, :-1], last[:, 1:] = np.where(linked, ahead[:, 1:], np.nan), np.where(linked, behind[:, :-1], np.nan)
-        ahead, behind = first, last
-        around += [ahead, behind]
-    ordered = np.sort(np.stack(around), axis=0)  # NaN comes last
-    count = np.isfinite(ordered).sum(axis=0, keepdims=True)
-    middle = [np.take_along_axis(ordered, np.maximum(place, 0), axis=0) for place in (count // 2, (count - 1) // 2)]
-    return np.where(count > 0, (middle[0] + middle[1]) / 2, 0.0)[0]
+    bend = np.empty((*position.shape, 2))
+    bend_kernel.bends(position, joints.right, joints.down, bend)
+    return bend
 
 
 def sound_joints(position: FloatArray, joints: Joints) -> Joints:

@@ -94,20 +94,24 @@ def refine_centres(image: Image, coarse: FloatArray, joints: Joints, duty: float
     there = coarse.reshape(-1, 2), right.reshape(-1, 2), down.reshape(-1, 2)
     kernel.weigh_channels(*readable(smooth.pixels), *there, CHANNEL_TRUST, weights)
 
-    def measured(rows: BoolArray, start: FloatArray, profiles: _Profiles, rounds: int = ROUNDS) -> FloatArray:
+    def measured(
+        rows: BoolArray, start: FloatArray, profiles: _Profiles, bend: FloatArray, rounds: int = ROUNDS
+    ) -> FloatArray:
         """`start` with the blocks `rows` measured anew; NaN where they run away from where they were seen."""
-        position, blocks = start.copy(), np.flatnonzero(rows)
+        position, blocks, off_centre = start.copy(), np.flatnonzero(rows), profiles.off_centre(bend, duty)
         for _ in range(rounds if len(blocks) else 0):
             right, down = slopes(position, joints)
-            off_centre = profiles.off_centre(bends(position, joints), duty)
             profiles.measure(weights, blocks, right, down, off_centre, position)
             position[~(lengths(position - coarse) < FARTHEST * pitch)] = np.nan
         return position
 
     sides = _Profiles.of_sides(_Smoothed(image, BLUR), duty)
-    whole = measured(known, coarse, _Profiles.of(smooth, duty))
-    whole -= _moved_by_shading(whole, measured(known, whole, _Profiles.of(smooth, duty, shaded=True), 1), joints)
-    apart = measured(known, whole, sides, 1) - whole
+    profiles, shaded = _Profiles.of(smooth, duty), _Profiles.of(smooth, duty, shaded=True)
+    first = measured(known, coarse, profiles, bends(coarse, joints), 1)
+    bend = bends(first, joints)
+    whole = measured(known, first, profiles, bend, 1)
+    whole -= _moved_by_shading(whole, measured(known, whole, shaded, bend, 1), joints)
+    apart = measured(known, whole, sides, bend, 1) - whole
     fitted = _better_of(whole, whole + apart, joints)
     between = lengths(apart)
     told = np.isfinite(between)
@@ -116,7 +120,7 @@ def refine_centres(image: Image, coarse: FloatArray, joints: Joints, duty: float
     again = known & (odd | ~np.isfinite(fitted[..., 0]))
     if not again.any():
         return Centres(fitted, np.where(np.isfinite(fitted[..., 0]), 0.0, np.nan), unlike)
-    by_sides = measured(again, np.where(again[..., None], coarse, fitted), sides)
+    by_sides = measured(again, np.where(again[..., None], coarse, fitted), sides, bend)
     odd, _ = odd_blocks(by_sides, joints)
     expected, spread = between_neighbours(by_sides, odd, joints)
     unsure = again & (odd | ~np.isfinite(by_sides[..., 0] + fitted[..., 0]))

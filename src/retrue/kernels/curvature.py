@@ -1,0 +1,97 @@
+"""How the places of blocks bend along the rows and the columns of a surface, and not at its creases."""
+
+from __future__ import annotations
+
+import cython
+from cython.cimports.libc.math import isfinite
+
+NAN = cython.declare(cython.double, float("nan"))
+
+
+@cython.cfunc
+@cython.nogil
+@cython.inline
+@cython.exceptval(check=False)
+def _linked(
+    joints: cython.const[cython.uchar][:, :],
+    r: cython.Py_ssize_t,
+    c: cython.Py_ssize_t,
+    down: cython.Py_ssize_t,
+    k: cython.Py_ssize_t,
+) -> cython.bint:
+    """Whether (r, c) is linked to its k-th neighbour along the line; at the edge of the raster none is."""
+    first: cython.Py_ssize_t = k if k < 0 else 0
+    last: cython.Py_ssize_t = k if k > 0 else 0
+    cython.declare(i=cython.Py_ssize_t, row=cython.Py_ssize_t, column=cython.Py_ssize_t)
+    for i in range(first, last):
+        row, column = r + i * down, c + i * (1 - down)
+        if not (0 <= row < joints.shape[0] and 0 <= column < joints.shape[1]) or joints[row, column] == 0:
+            return False
+    return True
+
+
+@cython.cfunc
+@cython.nogil
+@cython.inline
+@cython.exceptval(check=False)
+def _second_difference(
+    position: cython.const[cython.double][:, :, ::1],
+    joints: cython.const[cython.uchar][:, :],
+    r: cython.Py_ssize_t,
+    c: cython.Py_ssize_t,
+    down: cython.Py_ssize_t,
+    axis: cython.Py_ssize_t,
+) -> cython.double:
+    """Of (r, c) and its two neighbours on the line; NaN where one lacks."""
+    right: cython.Py_ssize_t = 1 - down
+    if not (_linked(joints, r, c, down, -1) and _linked(joints, r, c, down, 1)):
+        return NAN
+    ahead: cython.double = position[r + down, c + right, axis] - position[r, c, axis]
+    return ahead - (position[r, c, axis] - position[r - down, c - right, axis])
+
+
+@cython.cfunc
+@cython.nogil
+@cython.exceptval(check=False)
+def _usual(
+    position: cython.const[cython.double][:, :, ::1],
+    joints: cython.const[cython.uchar][:, :],
+    r: cython.Py_ssize_t,
+    c: cython.Py_ssize_t,
+    down: cython.Py_ssize_t,
+    axis: cython.Py_ssize_t,
+) -> cython.double:
+    """The median second difference of (r, c) and two on either side; 0 where nothing tells."""
+    around = cython.declare(cython.double[5])
+    cython.declare(k=cython.Py_ssize_t, i=cython.Py_ssize_t, value=cython.double)
+    count: cython.Py_ssize_t = 0
+    for k in range(-2, 3):
+        if not _linked(joints, r, c, down, k):
+            continue
+        value = _second_difference(position, joints, r + k * down, c + k * (1 - down), down, axis)
+        if isfinite(value):
+            i = count
+            while i > 0 and around[i - 1] > value:
+                around[i] = around[i - 1]
+                i -= 1
+            around[i] = value
+            count += 1
+    if count == 0:
+        return 0.0
+    return (around[count // 2] + around[(count - 1) // 2]) / 2
+
+
+def bends(
+    position: cython.const[cython.double][:, :, ::1],
+    right: cython.const[cython.uchar][:, :],
+    down: cython.const[cython.uchar][:, :],
+    bend: cython.double[:, :, :, ::1],
+) -> cython.void:
+    """`bend` (rows, columns, 2, 2) <- the median second difference of five along the row, along the column; or 0."""
+    cython.declare(r=cython.Py_ssize_t, c=cython.Py_ssize_t, axis=cython.Py_ssize_t)
+    with cython.nogil:
+        for r in range(position.shape[0]):
+            for c in range(position.shape[1]):
+                for axis in range(2):
+                    bend[r, c, 0, axis] = _usual(position, right, r, c, 0, axis)
+                    bend[r, c, 1, axis] = _usual(position, down, r, c, 1, axis)
