@@ -38,6 +38,7 @@ from retrue.recalibration.options import RecalibrateOptions
 from retrue.recalibration.parts import (
     FEWEST_OF_A_PART,
     IN_A_MIRROR,
+    MOST_DEVIATIONS,
     Part,
     copies_among_explained,
     differing_capture,
@@ -329,7 +330,6 @@ def objection(
     return None
 
 
-MOST_DEVIATIONS = 6.0
 LARGEST_OTHER_PART = 0.8
 
 
