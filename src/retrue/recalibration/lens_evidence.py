@@ -25,6 +25,7 @@ DOUBTFUL_GAIN = 9.0
 FAR_MOVE_DEG = 10.0
 FARTHEST = 3.0  # wide sigma that a lens changes by
 CURVED = 30.0  # times as bowed as planes are: balls, pipes, faces
+ROUGHER = 1.5  # along the epipolar line than across it: what a plane leaves is alike
 PART_PRICE = 60.0  # of chi-square: five free parameters, and the choice of points
 
 
@@ -102,6 +103,23 @@ def lens_evidence(
     asked = left @ pull  # lenses that stay are off by what the points ask for, too
     kept = left + np.outer(asked, asked)
     return LensEvidence(verdict, change, sigma, gain, prior, kept, posterior, others)
+
+
+def hidden_by_planes(best: Posterior, part: Part | None, tight: LensPrior, wide: LensPrior, old: TwoViewPose) -> bool:
+    """Whether lenses changed by what points say across their epipolar lines alone, where the planes are rough.
+
+    What passes for planes and is none asks for a pose that no lens gives it; it outvotes what asks for another lens.
+    """
+    across, along = best.fit.noises
+    if not (len(best.pose.planes) and along.level > ROUGHER * across.level):
+        return False
+    gone = np.ones(len(best.pose.planes), dtype=np.bool_)
+    measured = best.measured.without_planes(gone)
+    try:
+        alone = fit_posterior(measured, best.parameters.without_planes(gone), best.prior, 6)
+        return lens_evidence(measured, [], alone, part, tight, wide, old).verdict == "changed"
+    except DegenerateError:
+        return False
 
 
 def _asked(seen: Posterior, tight: LensPrior, wide: LensPrior) -> tuple[FloatArray, FloatArray, float]:
