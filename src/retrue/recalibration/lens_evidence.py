@@ -65,7 +65,6 @@ def lens_evidence(
 ) -> LensEvidence:
     """Fit again with free lenses where that could gain something; else what it would say is at hand."""
     real = replace(measured, misfit=MISFIT_PX)
-    alone = replace(measured, support=measured.support.each_alone())
     pull, told, gain = _asked(posterior_at(real, best.parameters, best.prior), tight, wide)
     covariance = _with_prior(told, wide)
     change = covariance @ pull
@@ -74,10 +73,13 @@ def lens_evidence(
     elsewhere = not (noise.level < min(LOUD * quiet, 1.0) and noise.shared < max(0.5 * noise.level, MISFIT_PX))
     elsewhere = elsewhere or best.measured.aside is not None  # what was set aside may be right, through other lenses
     posterior, others = None, ()
-    slow = _asked(posterior_at(alone, best.parameters, best.prior), tight, wide)[2] > CHANGED_GAIN
+    # What lenses do to a pose of points alone, looks like an error that neighbours share.
+    alone = replace(measured, support=measured.support.each_alone())
+    free_points = posterior_at(alone, best.parameters, best.prior)
+    slow = not len(best.pose.planes) and _asked(free_points, tight, wide)[2] > CHANGED_GAIN
     if gain > DOUBTFUL_GAIN or elsewhere or slow or moved > FAR_MOVE_DEG:
         starts = [(best.parameters, 30)]
-        if not len(best.pose.planes) or slow:  # what lenses do to a pose, looks like an error that neighbours share
+        if slow:
             starts.append((fit_posterior(alone, best.parameters, Prior(wide, free=True), 30).parameters, 30))
         if elsewhere or moved > FAR_MOVE_DEG:  # through other lenses, another pose may be it
             for lens, pose in scaled_starts(measured.support.points, homographies, 3):
