@@ -173,3 +173,12 @@ def test_what_contradicts_a_rig_forbids_to_measure_with_it() -> None:
     contradicted = str(reasons.PoseContradicted(9.5, reasons.Imprecise(1.0, 2.0, 0.05, 0.03)))
     assert contradicted.startswith("the points contradict the rig's pose by 9.5 sigma, though the points know")
     assert "no correspondences agree" in str(reasons.PointsDisagree(0.0, 0.35, 2.1, 2.0))
+
+
+def test_a_lens_that_no_single_number_tells_of_is_not_given_one() -> None:
+    """Numbers that only matter together are none of them the cause."""
+    clear, mixed = (str(reasons.LensChanged("projector", "k1", amount, 0.02, 40.0)) for amount in (-0.08, -0.03))
+    assert "a k1 of the projector that is -0.08 off (sigma 0.02)" in clear
+    assert "which number of the camera's or the projector's is off, they do not tell" in mixed
+    assert "--lens refit" in clear
+    assert "--lens refit" in mixed

@@ -32,12 +32,13 @@ from retrue.recalibration.candidates import (
 from retrue.recalibration.chance import deviations_limit
 from retrue.recalibration.fit import Support, squared_sigmas
 from retrue.recalibration.lens import LENS_NAMES, LENS_PARAMETERS, stated_prior, wide_prior
-from retrue.recalibration.lens_evidence import LensEvidence, lens_evidence
+from retrue.recalibration.lens_evidence import LensEvidence, hidden_by_planes, lens_evidence
 from retrue.recalibration.near_rivals import allowed_error, near_rivals, spread
 from retrue.recalibration.options import RecalibrateOptions
 from retrue.recalibration.parts import (
     FEWEST_OF_A_PART,
     IN_A_MIRROR,
+    MOST_DEVIATIONS,
     Part,
     copies_among_explained,
     differing_capture,
@@ -184,6 +185,8 @@ def judge(rig: Rig, captures: Sequence[Correspondences], options: RecalibrateOpt
         if lens.verdict == "changed":  # no plane looks flat through it, but curved scenes do not ask for it
             free = [fit for fit in free if lens.posterior is not None and quieter(fit, lens.posterior)]
             curved[:] = False
+        elif not (curved.any() or free) and hidden_by_planes(best, part, tight, wide, old):
+            curved[:] = True
         curved |= bool(free)
         if not curved.any():
             break
@@ -329,7 +332,6 @@ def objection(
     return None
 
 
-MOST_DEVIATIONS = 6.0
 LARGEST_OTHER_PART = 0.8
 
 

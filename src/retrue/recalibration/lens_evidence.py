@@ -25,6 +25,7 @@ DOUBTFUL_GAIN = 9.0
 FAR_MOVE_DEG = 10.0
 FARTHEST = 3.0  # wide sigma that a lens changes by
 CURVED = 30.0  # times as bowed as planes are: balls, pipes, faces
+ROUGHER = 1.5  # along the epipolar line than across it: what a plane leaves is alike
 PART_PRICE = 60.0  # of chi-square: five free parameters, and the choice of points
 
 
@@ -64,7 +65,6 @@ def lens_evidence(
 ) -> LensEvidence:
     """Fit again with free lenses where that could gain something; else what it would say is at hand."""
     real = replace(measured, misfit=MISFIT_PX)
-    alone = replace(measured, support=measured.support.each_alone())
     pull, told, gain = _asked(posterior_at(real, best.parameters, best.prior), tight, wide)
     covariance = _with_prior(told, wide)
     change = covariance @ pull
@@ -73,10 +73,13 @@ def lens_evidence(
     elsewhere = not (noise.level < min(LOUD * quiet, 1.0) and noise.shared < max(0.5 * noise.level, MISFIT_PX))
     elsewhere = elsewhere or best.measured.aside is not None  # what was set aside may be right, through other lenses
     posterior, others = None, ()
-    slow = _asked(posterior_at(alone, best.parameters, best.prior), tight, wide)[2] > CHANGED_GAIN
+    # What lenses do to a pose of points alone, looks like an error that neighbours share.
+    alone = replace(measured, support=measured.support.each_alone())
+    free_points = posterior_at(alone, best.parameters, best.prior)
+    slow = not len(best.pose.planes) and _asked(free_points, tight, wide)[2] > CHANGED_GAIN
     if gain > DOUBTFUL_GAIN or elsewhere or slow or moved > FAR_MOVE_DEG:
         starts = [(best.parameters, 30)]
-        if not len(best.pose.planes) or slow:  # what lenses do to a pose, looks like an error that neighbours share
+        if slow:
             starts.append((fit_posterior(alone, best.parameters, Prior(wide, free=True), 30).parameters, 30))
         if elsewhere or moved > FAR_MOVE_DEG:  # through other lenses, another pose may be it
             for lens, pose in scaled_starts(measured.support.points, homographies, 3):
@@ -102,6 +105,23 @@ def lens_evidence(
     asked = left @ pull  # lenses that stay are off by what the points ask for, too
     kept = left + np.outer(asked, asked)
     return LensEvidence(verdict, change, sigma, gain, prior, kept, posterior, others)
+
+
+def hidden_by_planes(best: Posterior, part: Part | None, tight: LensPrior, wide: LensPrior, old: TwoViewPose) -> bool:
+    """Whether lenses changed by what points say across their epipolar lines alone, where the planes are rough.
+
+    What passes for planes and is none asks for a pose that no lens gives it; it outvotes what asks for another lens.
+    """
+    across, along = best.fit.noises
+    if not (len(best.pose.planes) and along.level > ROUGHER * across.level):
+        return False
+    gone = np.ones(len(best.pose.planes), dtype=np.bool_)
+    measured = best.measured.without_planes(gone)
+    try:
+        alone = fit_posterior(measured, best.parameters.without_planes(gone), best.prior, 6)
+        return lens_evidence(measured, [], alone, part, tight, wide, old).verdict == "changed"
+    except DegenerateError:
+        return False
 
 
 def _asked(seen: Posterior, tight: LensPrior, wide: LensPrior) -> tuple[FloatArray, FloatArray, float]:

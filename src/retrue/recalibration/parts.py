@@ -13,11 +13,13 @@ from retrue.geometry.five_points import best_essentials, sampson_squares
 from retrue.geometry.robust import CUTOFF, biweight_level, within_reach_of_mode
 from retrue.geometry.two_view import FREE, POSE_PARAMETERS, TwoViewPoints
 from retrue.recalibration.candidates import behind
+from retrue.recalibration.contradiction import contradiction
 from retrue.recalibration.fit import squared_sigmas
 from retrue.recalibration.posterior import Measured, Posterior, fit_posterior
 from retrue.recalibration.rays import Rays
 
 FEWEST_OF_A_PART = 15
+MOST_DEVIATIONS = 6.0  # of a capture from the others' pose
 A_COPY, IN_A_MIRROR = "a shifted copy", "points in a mirror"
 SHARE_OF_A_COPY = 0.1  # of the unexplained points; what one shift puts in place along both axes is no chance
 MOST_COPIED, MOST_COPIES = 3, 3  # planes, the largest; and copies of them
@@ -285,9 +287,10 @@ def _of_another_pose(part: Part, outside: BoolArray) -> bool:
 
 
 def differing_capture(measured: Measured, rays: Rays, answer: Posterior) -> tuple[int, float] | None:
-    """The capture whose own pose is furthest from the joint one, in its own sigma; None where there is only one.
+    """The capture that contradicts the joint pose the most, in its own sigma; None where there is only one.
 
-    Infinitely far is one that was set aside whole: hardly a point of it agrees with the joint pose.
+    By its own pose's distance, and by what its points say of the joint one, whichever is less. Infinitely far is one
+    that was set aside whole: hardly a point of it agrees with the joint pose.
     """
     captures = int(rays.capture.max()) + 1
     if captures < 2:
@@ -302,6 +305,8 @@ def differing_capture(measured: Measured, rays: Rays, answer: Posterior) -> tupl
         try:
             own = fit_posterior(part, answer.parameters, prior, 4)
             deviations = float(np.sqrt(squared_sigmas(answer.pose, own.pose, own.covariance)))
+            if deviations > MOST_DEVIATIONS:
+                deviations = min(deviations, contradiction(own, answer.pose, answer.covariance))
         except DegenerateError:  # it says nothing by itself
             continue
         if deviations > furthest[1]:

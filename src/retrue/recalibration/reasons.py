@@ -14,6 +14,8 @@ from retrue.correspondences import Correspondences
 from retrue.errors import DegenerateError
 from retrue.shown import figures
 
+CLEAR = 3.0  # sigma, of a number of a lens that is named
+
 SMALLEST_SHARE = 0.01  # below, there is none to speak of
 
 
@@ -122,7 +124,10 @@ class Imprecise(Reason):
 
 @dataclass(frozen=True, slots=True)
 class LensChanged(Reason):
-    """The points contradict the rig's lenses; what of which device changed most clearly, in that thing's own unit."""
+    """The points contradict the rig's lenses; what of which device changed most clearly, in that thing's own unit.
+
+    Where even that is less than three sigma, several numbers together would do, and the points do not tell which.
+    """
 
     device: str
     what: str
@@ -133,10 +138,12 @@ class LensChanged(Reason):
     def __str__(self) -> str:
         form, unit = {"focal length": ("+.1%", ""), "k1": ("+.2g", "")}.get(self.what, ("+.1f", " px"))
         amount, sigma = f"{self.amount:{form}}{unit}", f"{self.sigma:{form.lstrip('+')}}{unit}"
+        asked = f"they ask for a {self.what} of the {self.device} that is {amount} off (sigma {sigma})"
+        if not abs(self.amount) >= CLEAR * self.sigma:
+            asked = "which number of the camera's or the projector's is off, they do not tell"
         return (
-            f"the points contradict the rig's lenses: they ask for a {self.what} of the {self.device} that is {amount}"
-            f" off (sigma {sigma}); was it zoomed, refocused or cropped? if so, take the new lenses with --lens refit,"
-            " or calibrate anew"
+            f"the points contradict the rig's lenses: {asked}; was it zoomed, refocused or cropped? if so, take the new"
+            " lenses with --lens refit, or calibrate anew"
         )
 
 

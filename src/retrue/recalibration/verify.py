@@ -8,22 +8,19 @@ pose, as closely as the rig knows it: a likelihood ratio. It contradicts a rig e
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
 from typing import Literal
 
 import numpy as np
 
 from retrue.correspondences import Correspondences, require_captures
 from retrue.errors import DegenerateError, require_kind
-from retrue.geometry.arrays import FloatArray
 from retrue.geometry.transform import RigidTransform
-from retrue.geometry.two_view import epipolar_residuals, planes_of_pose
+from retrue.geometry.two_view import epipolar_residuals
 from retrue.rasters import check_captures, picture_mirrored
 from retrue.recalibration.chance import deviations_limit
-from retrue.recalibration.fit import chi_square
+from retrue.recalibration.contradiction import contradiction
 from retrue.recalibration.judge import Judgement, drift, judge, objection, own_covariance, own_pose
-from retrue.recalibration.options import RecalibrateOptions, VerifyOptions
-from retrue.recalibration.posterior import PosePrior, Prior, fit_posterior
+from retrue.recalibration.options import VerifyOptions
 from retrue.recalibration.reasons import (
     Imprecise,
     OneCoordinate,
@@ -106,7 +103,7 @@ def _verified(rig: Rig, judgement: Judgement, total: int, options: VerifyOptions
     limit = deviations_limit(options.false_alarms)
     holds = deviations <= limit
     if not holds and (cause is None or isinstance(cause, Imprecise | RivalUnbeaten)):
-        deviations = min(deviations, contradiction(rig, judgement, options.estimate))
+        deviations = min(deviations, contradiction(answer, own_pose(rig), own_covariance(rig, options.estimate)))
         holds = deviations <= limit
     if not holds and cause is None:
         small = found.displacement is not None and depth and found.displacement <= options.improvable * depth
@@ -118,25 +115,3 @@ def _verified(rig: Rig, judgement: Judgement, total: int, options: VerifyOptions
     if cause is not None and not (holds and isinstance(cause, RivalUnbeaten)):
         return verdict("unknown", cause)
     return verdict("good", f"the capture supports the rig's pose: {drift_text(*moved)}, {deviations:.1f} sigma")
-
-
-def contradiction(rig: Rig, judgement: Judgement, options: RecalibrateOptions) -> float:
-    """By how many sigma the points themselves contradict the rig's pose: root of the likelihood ratio.
-
-    Planes, bows and lenses are fitted anew at the rig's pose, within its covariance. Where the points hardly tell a
-    pose, their covariance holds near the answer alone, and its distance from the rig says nothing.
-    """
-    answer, measured = judgement.answer, judgement.measured
-    old = own_pose(rig)
-    lens = answer.prior.lens
-    best = fit_posterior(measured, answer.parameters, Prior(lens, free=True), 10)
-    precision: FloatArray = np.linalg.inv(own_covariance(rig, options)).astype(np.float64)
-    held = Prior(lens, free=True, pose=PosePrior(old, precision))
-    homographies = [answer.pose.R + answer.pose.t[:, None] * n for n in answer.pose.planes]
-    own = replace(old, planes=planes_of_pose(old.R, old.t, homographies))
-    ratios: list[float] = []
-    for start in (replace(answer.parameters, pose=own), answer.parameters):
-        fit = fit_posterior(measured, start, held, 15)
-        lost = chi_square(fit.fit, best.fit) - chi_square(best.fit, best.fit)
-        ratios.append(float(lost.sum()) + fit.prior_cost - best.prior_cost)
-    return float(np.sqrt(max(min(ratios), 0.0)))

@@ -136,8 +136,8 @@ def refine_centres(image: Image, coarse: FloatArray, joints: Joints, duty: float
 
 def _better_of(whole: FloatArray, sides: FloatArray, joints: Joints) -> FloatArray:
     """(rows, columns, 2) the mean of two ways to measure, weighted by how little each scatters all over the picture."""
-    variances = [usual_variance(position, joints) for position in (whole, sides)]
-    share = variances[0] / (variances[0] + variances[1])
+    of_whole, of_sides = (usual_variance(position, joints) for position in (whole, sides))
+    share = of_whole / (of_whole + of_sides) if of_sides > 0 else 1.0  # of a drawing, which has no noise
     return np.where(np.isfinite(sides), share * sides + (1 - share) * whole, whole)
 
 
