@@ -185,7 +185,7 @@ def judge(rig: Rig, captures: Sequence[Correspondences], options: RecalibrateOpt
         if lens.verdict == "changed":  # no plane looks flat through it, but curved scenes do not ask for it
             free = [fit for fit in free if lens.posterior is not None and quieter(fit, lens.posterior)]
             curved[:] = False
-        elif not (curved.any() or free) and hidden_by_planes(best, part, tight, wide, old):
+        elif not (photographs or curved.any() or free) and hidden_by_planes(best, part, tight, wide, old):
             curved[:] = True
         curved |= bool(free)
         if not curved.any():
