@@ -100,6 +100,11 @@ RUBBISH_EVENTS = [
     '{"time": "noon", "event": "frame", "verdict": "good", "reason": "", "drift": {"displacement": "far"}}',
     '{"time": "2026-11-27T08:00:00+00:00", "event": "frame", "verdict": 7, "reason": null, "drift": 5}',
     '{"time": "2026-11-27T08:00:00+00:00", "event": "frame", "verdict": "<b>", "reason": [], "drift": null}',
+    '{"time": "noon", "event": "recalibrated", "kind": "bump"}',
+    '{"time": "2026-11-27T08:00:00+00:00", "event": "frame", "verdict": "", "reason": "", "drift": null, '
+    '"temperature": "hot"}',
+    '{"time": "2026-11-27T08:00:00+00:00", "event": "frame", "verdict": "", "reason": "", "drift": null, '
+    '"temperature": NaN}',
 ]  # fmt: skip
 
 
@@ -112,6 +117,9 @@ def test_a_log_that_was_written_by_hand_does_not_close_the_page(tmp_path, state)
     known = read_fleet_status(tmp_path)
     assert known["cell"]["drift_mm"][-1][1] == 2.5
     assert "&lt;holds&gt;" in status_page(known)
+    assert known["cell"]["temperature"] == 21.5
+    assert known["cell"]["changes"] == []
+    json.dumps(known, allow_nan=False)
 
 
 def test_a_process_that_dies_costs_nothing(folder, pool):

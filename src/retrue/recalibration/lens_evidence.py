@@ -73,14 +73,11 @@ def lens_evidence(
     elsewhere = not (noise.level < min(LOUD * quiet, 1.0) and noise.shared < max(0.5 * noise.level, MISFIT_PX))
     elsewhere = elsewhere or best.measured.aside is not None  # what was set aside may be right, through other lenses
     posterior, others = None, ()
-    # What lenses do to a pose of points alone, looks like an error that neighbours share.
-    alone = replace(measured, support=measured.support.each_alone())
-    free_points = posterior_at(alone, best.parameters, best.prior)
-    slow = not len(best.pose.planes) and _asked(free_points, tight, wide)[2] > CHANGED_GAIN
-    if gain > DOUBTFUL_GAIN or elsewhere or slow or moved > FAR_MOVE_DEG:
+    apart = _with_each_alone(measured, best, tight, wide)
+    if gain > DOUBTFUL_GAIN or elsewhere or apart is not None or moved > FAR_MOVE_DEG:
         starts = [(best.parameters, 30)]
-        if slow:
-            starts.append((fit_posterior(alone, best.parameters, Prior(wide, free=True), 30).parameters, 30))
+        if apart is not None:
+            starts.append((apart, 30))
         if elsewhere or moved > FAR_MOVE_DEG:  # through other lenses, another pose may be it
             for lens, pose in scaled_starts(measured.support.points, homographies, 3):
                 starts.append((Parameters.of(pose, lens), 25))
@@ -105,6 +102,22 @@ def lens_evidence(
     asked = left @ pull  # lenses that stay are off by what the points ask for, too
     kept = left + np.outer(asked, asked)
     return LensEvidence(verdict, change, sigma, gain, prior, kept, posterior, others)
+
+
+def _with_each_alone(measured: Measured, best: Posterior, tight: LensPrior, wide: LensPrior) -> Parameters | None:
+    """Where free lenses lead a pose of points alone, each of which errs by itself; None where they gain nothing.
+
+    What other lenses do to such a pose looks like an error that neighbours share.
+    """
+    if len(best.pose.planes):
+        return None
+    alone = replace(measured, support=measured.support.each_alone())
+    if not _asked(posterior_at(alone, best.parameters, best.prior), tight, wide)[2] > CHANGED_GAIN:
+        return None
+    try:
+        return fit_posterior(alone, best.parameters, Prior(wide, free=True), 30).parameters
+    except DegenerateError:
+        return None
 
 
 def hidden_by_planes(best: Posterior, part: Part | None, tight: LensPrior, wide: LensPrior, old: TwoViewPose) -> bool:

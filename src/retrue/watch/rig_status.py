@@ -60,14 +60,15 @@ class RigStatus:
     changes: deque[tuple[str, str]] = field(default_factory=lambda: deque(maxlen=20))
 
     def observe(self, event: Event) -> None:
-        """One event."""
-        self.last = str(event["time"])
+        """One event. One that is none raises AttributeError, KeyError, TypeError or ValueError, and changes nothing."""
+        datetime.fromisoformat(event["time"])
         match event["event"]:
             case "frame":
+                warm = event.get("temperature")
+                warm = None if warm is None or not np.isfinite(warm) else float(warm)
+                self.drawn.append(event["time"], self._millimetres(event), warm)
                 self.state, self.verdict, self.reason = "watching", str(event["verdict"]), str(event["reason"])
-                self.frames += 1
-                self.temperature = event.get("temperature")
-                self.drawn.append(event["time"], self._millimetres(event), self.temperature)
+                self.frames, self.temperature = self.frames + 1, warm
             case "bad frame":
                 self.frames, self.bad, self.reason = self.frames + 1, self.bad + 1, str(event["reason"])
             case "recalibrated":
@@ -81,6 +82,7 @@ class RigStatus:
                 self.state = "stopped" if self.state != "failed" else "failed"
             case _:
                 pass
+        self.last = event["time"]
 
     def document(self) -> dict[str, Any]:
         """As plain JSON values."""

@@ -156,7 +156,7 @@ def _moved_by_shading(fitted: FloatArray, shaded: FloatArray, joints: Joints) ->
         return np.zeros_like(fitted)
     variance = median((off[known] ** 2).sum(axis=-1)) / np.log(2)  # of both coordinates
     with np.errstate(invalid="ignore", divide="ignore"):
-        kept = np.maximum(1 - variance * share / (mean**2).sum(axis=-1), 0)
+        kept = np.fmax(1 - variance * share / (mean**2).sum(axis=-1), 0)
     return np.where(known[..., None], kept[..., None] * mean, 0.0)
 
 
