@@ -44,6 +44,12 @@ def test_the_printed_address_becomes_a_cookie_of_this_port_alone():
     assert headers["set-cookie"] == f"retrue_studio_8123={TOKEN}; Path=/; HttpOnly; SameSite=Strict"
 
 
+def test_the_printed_address_does_not_stay_in_the_address_bar_the_second_time_either():
+    status, headers = asked(query=f"token={TOKEN}", cookie=COOKIE)
+    assert (status, headers["location"]) == (303, "/")
+    assert asked("websocket", query=f"token={TOKEN}")[0] == 1008
+
+
 @pytest.mark.parametrize("kind", ["http", "websocket"])
 def test_whoever_has_it_is_let_in(kind: str):
     assert asked(kind, cookie=COOKIE)[0] == 200

@@ -49,10 +49,10 @@ class Guard:
             await _refuse(scope, send, 403, "this is no name of the studio: use the address that it printed")
         elif headers.get("origin", next(iter(self._origins))).lower() not in self._origins:
             await _refuse(scope, send, 403, "pages of other sites may not talk to the studio")
+        elif scope["type"] == "http" and self._is_token(_from_query(scope)):  # also of whoever has the cookie
+            await self._welcome(send)
         elif self._is_token(self._from_cookie(headers.get("cookie", ""))):
             await self._app(scope, receive, send)
-        elif self._is_token(_from_query(scope)):
-            await self._welcome(scope, send)
         else:
             await _refuse(scope, send, 401, "open the whole address that the studio printed, its token too")
 
@@ -66,10 +66,7 @@ class Guard:
             return ""
         return "" if found is None else found.value
 
-    async def _welcome(self, scope: Scope, send: Send) -> None:
-        if scope["type"] == "websocket":
-            await _refuse(scope, send, 401, "")
-            return
+    async def _welcome(self, send: Send) -> None:
         cookie = f"{self._cookie}={self._token}; Path=/; HttpOnly; SameSite=Strict"
         headers = [(b"location", b"/"), (b"set-cookie", cookie.encode()), (b"cache-control", b"no-store")]
         await send({"type": "http.response.start", "status": 303, "headers": headers})
