@@ -8,6 +8,7 @@ from math import comb
 import numpy as np
 
 from retrue.geometry.arrays import BoolArray, FloatArray
+from retrue.geometry.walks import STEP_WEIGHT, walked
 from retrue.kernels import curvature as bend_kernel
 from retrue.kernels import lattice as kernel
 
@@ -138,23 +139,11 @@ def mean_around(values: FloatArray, joints: Joints, steps: int) -> tuple[FloatAr
     The weights are those of a random walk along the joints, a binomial that nothing crosses an edge with.
     """
     known = np.asarray(np.isfinite(values).all(axis=-1), dtype=np.bool_)
-    share = _walked(known[..., None].astype(np.float64), joints, steps)[..., 0]
+    links = joints.right[..., None], joints.down[..., None]
+    total = walked(known[..., None].astype(np.float64), *links, steps)
     with np.errstate(invalid="ignore", divide="ignore"):
-        mean = _walked(np.where(known[..., None], values, 0.0), joints, steps) / share[..., None]
-        return mean, _alone(steps) ** 2 / share
-
-
-def _walked(values: FloatArray, joints: Joints, steps: int) -> FloatArray:
-    """(rows, columns, channels) after steps that stay with weight 1/2 and take each joint with weight 1/4."""
-    right, down = joints.right[..., None] / 4, joints.down[..., None] / 4
-    for _ in range(steps):
-        across = values / 2
-        across[:, 1:] += right * values[:, :-1]
-        across[:, :-1] += right * values[:, 1:]
-        values = across / 2
-        values[1:] += down * across[:-1]
-        values[:-1] += down * across[1:]
-    return values
+        mean = walked(np.where(known[..., None], values, 0.0), *links, steps) / total
+        return mean, _alone(steps) ** 2 * STEP_WEIGHT**steps / total[..., 0]
 
 
 def _alone(steps: int) -> float:

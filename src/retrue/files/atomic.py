@@ -101,3 +101,10 @@ def read_bytes(path: str | Path, limit: int) -> bytes:
     if found > limit:
         raise FileError(path, f"expected at most {limit} bytes, found more; is this the right file?")
     return b"".join(chunks)
+
+
+def read_tail(path: Path, length: int) -> list[bytes]:
+    """Lines of the last so many bytes of a file, the first perhaps cut; raises OSError."""
+    with path.open("rb") as stream:
+        stream.seek(max(0, stream.seek(0, os.SEEK_END) - length))
+        return stream.read(length).split(b"\n")

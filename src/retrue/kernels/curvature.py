@@ -5,8 +5,6 @@ from __future__ import annotations
 import cython
 from cython.cimports.libc.math import isfinite
 
-NAN = cython.declare(cython.double, float("nan"))
-
 
 @cython.cfunc
 @cython.nogil
@@ -32,26 +30,6 @@ def _linked(
 
 @cython.cfunc
 @cython.nogil
-@cython.inline
-@cython.exceptval(check=False)
-def _second_difference(
-    position: cython.const[cython.double][:, :, ::1],
-    joints: cython.const[cython.uchar][:, :],
-    r: cython.Py_ssize_t,
-    c: cython.Py_ssize_t,
-    down: cython.Py_ssize_t,
-    axis: cython.Py_ssize_t,
-) -> cython.double:
-    """Of (r, c) and its two neighbours on the line; NaN where one lacks."""
-    right: cython.Py_ssize_t = 1 - down
-    if not (_linked(joints, r, c, down, -1) and _linked(joints, r, c, down, 1)):
-        return NAN
-    ahead: cython.double = position[r + down, c + right, axis] - position[r, c, axis]
-    return ahead - (position[r, c, axis] - position[r - down, c - right, axis])
-
-
-@cython.cfunc
-@cython.nogil
 @cython.exceptval(check=False)
 def _usual(
     position: cython.const[cython.double][:, :, ::1],
@@ -63,12 +41,16 @@ def _usual(
 ) -> cython.double:
     """The median second difference of (r, c) and two on either side; 0 where nothing tells."""
     around = cython.declare(cython.double[5])
-    cython.declare(k=cython.Py_ssize_t, i=cython.Py_ssize_t, value=cython.double)
+    cython.declare(k=cython.Py_ssize_t, i=cython.Py_ssize_t, y=cython.Py_ssize_t, x=cython.Py_ssize_t)
+    value: cython.double
     count: cython.Py_ssize_t = 0
+    right: cython.Py_ssize_t = 1 - down
     for k in range(-2, 3):
-        if not _linked(joints, r, c, down, k):
+        y, x = r + k * down, c + k * right
+        if not (_linked(joints, r, c, down, k) and _linked(joints, y, x, down, -1) and _linked(joints, y, x, down, 1)):
             continue
-        value = _second_difference(position, joints, r + k * down, c + k * (1 - down), down, axis)
+        value = position[y + down, x + right, axis] - position[y, x, axis]
+        value -= position[y, x, axis] - position[y - down, x - right, axis]
         if isfinite(value):
             i = count
             while i > 0 and around[i - 1] > value:

@@ -13,6 +13,7 @@ import numpy as np
 
 from retrue.errors import InputError
 from retrue.geometry.arrays import BoolArray, FloatArray
+from retrue.geometry.walks import walked
 from retrue.reconstruction.cloud import Cloud, require_cloud
 from retrue.reconstruction.surface_grid import SurfaceGrid, surface_grid
 
@@ -71,11 +72,11 @@ def _tangents_of_quadrics(points: FloatArray, grid: SurfaceGrid, rows: slice, st
     terms = np.stack([there.astype(np.float64), x, y, x * x, x * y, y * y], axis=-1)
     i, j = np.triu_indices(QUADRIC)
     w = np.where(there, grid.w[rows], 0.0)[..., None]
-    sums = _walked(np.concatenate([terms[..., i] * terms[..., j], terms * w], axis=-1), right, down, steps)
+    sums = walked(np.concatenate([terms[..., i] * terms[..., j], terms * w], axis=-1), right, down, steps)
     moments = np.zeros((*index.shape, QUADRIC, QUADRIC))
     moments[..., i, j] = moments[..., j, i] = sums[..., : len(i)]
     plane = np.full((*index.shape, 3), np.nan)
-    known = there & (_walked(terms[..., :1], right, down, steps)[..., 0] > 0)
+    known = there & (walked(terms[..., :1], right, down, steps)[..., 0] > 0)
     known[known] = np.linalg.cond(moments[known]) < WORST_CONDITION
     a = np.linalg.solve(moments[known], sums[known][:, len(i) :, None])[..., 0]
     x, y = x[known], y[known]
@@ -122,9 +123,9 @@ def _plane_through_neighbours(
 
     def mean(values: FloatArray) -> FloatArray:
         with np.errstate(invalid="ignore", divide="ignore"):
-            return _walked(values, right, down, steps) / total
+            return walked(values, right, down, steps) / total
 
-    total = _walked(there.astype(np.float64), right, down, steps)
+    total = walked(there.astype(np.float64), right, down, steps)
     mx, my, mw = mean(x), mean(y), mean(w)
     xx, xy, yy = mean(x * x) - mx * mx, mean(x * y) - mx * my, mean(y * y) - my * my
     xw, yw = mean(x * w) - mx * mw, mean(y * w) - my * mw
@@ -134,15 +135,3 @@ def _plane_through_neighbours(
         plane = np.stack([a, b, mw - a * mx - b * my], axis=-1)
     plane[~(determinant > FLATTEST * xx * yy)] = np.nan
     return plane
-
-
-def _walked(values: FloatArray, right: FloatArray, down: FloatArray, steps: int) -> FloatArray:
-    """Values (h, W) after steps of a walk that stays with weight 2 and takes each link with weight 1."""
-    for _ in range(steps):
-        across = 2 * values
-        across[:, 1:] += right * values[:, :-1]
-        across[:, :-1] += right * values[:, 1:]
-        values = 2 * across
-        values[1:] += down * across[:-1]
-        values[:-1] += down * across[1:]
-    return values

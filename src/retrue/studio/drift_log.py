@@ -12,6 +12,7 @@ from pathlib import Path
 from typing import Any, Literal, cast
 
 from retrue.errors import FileError
+from retrue.files.atomic import read_tail
 from retrue.recalibration.result import Verification
 from retrue.shown import figures
 
@@ -91,10 +92,7 @@ class DriftLog:
 
     def _last_lines(self) -> list[bytes]:
         try:
-            with self._path.open("rb") as stream:
-                size = stream.seek(0, 2)
-                stream.seek(max(0, size - REMEMBERED * LONGEST_LINE))
-                return stream.read().splitlines()
+            return read_tail(self._path, REMEMBERED * LONGEST_LINE)
         except FileNotFoundError:
             return []
         except OSError as error:

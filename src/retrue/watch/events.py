@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import Any, cast
 
 from retrue.errors import FileError
+from retrue.files.atomic import read_tail
 from retrue.plain_json import plain
 
 Event = Mapping[str, Any]
@@ -52,9 +53,7 @@ class EventLog:
 def last_events(path: Path) -> Generator[Event]:
     """Of a log, the oldest first; lines that do not read are passed over, and a log that does not read has none."""
     try:
-        with path.open("rb") as stream:
-            stream.seek(max(0, stream.seek(0, 2) - TAIL))
-            lines = stream.read(TAIL).split(b"\n")
+        lines = read_tail(path, TAIL)
     except OSError:
         return
     for line in lines:

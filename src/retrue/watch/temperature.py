@@ -9,6 +9,8 @@ from contextlib import suppress
 from pathlib import Path
 from typing import Any, cast
 
+from retrue.files.atomic import read_tail
+
 TAIL = 4096  # bytes that hold the last lines
 SIDE_FILES = (".json", ".txt", ".csv")
 LONGEST_SIDE_FILE = 65_536  # bytes
@@ -21,9 +23,7 @@ def last_reading(path: Path | None) -> float | None:
     try:
         if not path.is_file():
             return None
-        with path.open("rb") as stream:
-            stream.seek(max(0, stream.seek(0, 2) - TAIL))
-            lines = stream.read(TAIL).split(b"\n")[:-1]
+        lines = read_tail(path, TAIL)[:-1]
     except OSError:
         return None
     for line in reversed(lines):
