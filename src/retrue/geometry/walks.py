@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from retrue.geometry.arrays import FloatArray
+from retrue.geometry.arrays import BoolArray, FloatArray
 
 STEP_WEIGHT = 16.0  # that a step spreads from where all neighbours are linked
 
 
-def walked(values: FloatArray, right: FloatArray, down: FloatArray, steps: int) -> FloatArray:
+def walked(values: FloatArray, right: FloatArray | BoolArray, down: FloatArray | BoolArray, steps: int) -> FloatArray:
     """What `values` (rows, columns, ...) are summed to after steps that stay with weight 2 and take each link with 1,
     along the rows and then along the columns: binomial weights, `STEP_WEIGHT` a step in all.
 
