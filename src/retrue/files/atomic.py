@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-import tempfile
+import secrets
 from collections.abc import Generator
 from contextlib import contextmanager, suppress
 from pathlib import Path
@@ -29,11 +29,11 @@ def replaced_file(path: str | Path, *, alone: bool = False) -> Generator[BinaryI
         raise FileError(path, f"cannot be written: {error.strerror or error}") from error
     try:
         with os.fdopen(handle, "wb") as stream:
+            with suppress(FileNotFoundError):
+                temporary.chmod(path.stat().st_mode & 0o777)
             yield stream
             stream.flush()
             os.fsync(stream.fileno())
-        mode = path.stat().st_mode & 0o777 if path.exists() else 0o666 & ~_umask()
-        temporary.chmod(mode)
         temporary.replace(path)
         sync_folder(path.parent)
     except OSError as error:
@@ -53,18 +53,11 @@ def sync_folder(folder: Path) -> None:
 
 
 def _opened_beside(path: Path, alone: bool) -> tuple[int, Path]:
-    if not alone:
-        handle, name = tempfile.mkstemp(prefix=f".{path.name}.", suffix=".part", dir=path.parent)
-        return handle, Path(name)
-    temporary = path.with_name(f".{path.name}.part")
-    temporary.unlink(missing_ok=True)  # a link laid there is not followed
-    return os.open(temporary, os.O_WRONLY | os.O_CREAT | os.O_EXCL | getattr(os, "O_BINARY", 0), 0o600), temporary
-
-
-def _umask() -> int:
-    mask = os.umask(0)
-    os.umask(mask)
-    return mask
+    temporary = path.with_name(f".{path.name}.part" if alone else f".{path.name}.{secrets.token_hex(6)}.part")
+    if alone:
+        temporary.unlink(missing_ok=True)  # a link laid there is not followed
+    flags = os.O_WRONLY | os.O_CREAT | os.O_EXCL | getattr(os, "O_BINARY", 0)
+    return os.open(temporary, flags, 0o666), temporary  # less the umask, which a process of threads cannot ask for
 
 
 def read_text(path: str | Path, limit: int) -> str:
