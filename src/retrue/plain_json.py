@@ -18,15 +18,15 @@ def plain(value: Any) -> Any:
     """
     if type(value) in (str, int, bool, type(None)):  # most are, and the questions below take their time
         return value
+    if isinstance(value, float):
+        return float(value) if math.isfinite(value) else None
     if isinstance(value, np.ndarray | np.generic):
         return plain(cast("Any", value).tolist())
     if isinstance(value, Mapping):
         return {str(key): plain(item) for key, item in cast("Mapping[Any, Any]", value).items()}
     if isinstance(value, Sequence) and not isinstance(value, str | bytes):
         return [plain(item) for item in cast("Sequence[Any]", value)]
-    if isinstance(value, float) and not math.isfinite(value):
-        return None
-    if value is None or isinstance(value, bool | int | float | str):
+    if isinstance(value, int | str):
         return value
     if isinstance(value, PurePath):
         return str(value)
