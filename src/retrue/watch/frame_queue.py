@@ -7,7 +7,7 @@ from collections import deque
 
 from retrue.watch.frame import Frame, Source
 
-PAUSE = 0.1  # seconds between two looks at whether we are to stop; signals are handled then
+PAUSE = 0.5  # seconds between two looks at whether we are to stop; each wakes a thread, and a fleet has a hundred
 
 
 class FrameQueue:
