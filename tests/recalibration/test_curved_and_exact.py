@@ -12,6 +12,9 @@ from retrue.geometry.camera import Camera
 from retrue.geometry.transform import direction_angle, rotation_angle
 from retrue.recalibration import reasons
 from retrue.recalibration.candidates import with_planes
+from retrue.recalibration.fit import Support
+from retrue.recalibration.lens_evidence import untold_misfit
+from retrue.recalibration.measured import MISFIT_PX, Measured
 from retrue.recalibration.options import RecalibrateOptions
 from retrue.recalibration.rays import rays_of_captures
 from retrue.recalibration.recalibrate import recalibrate
@@ -107,3 +110,24 @@ def test_another_lens_is_told_from_a_slow_error(longer: float) -> None:
     assert isinstance(result, Refused)
     assert isinstance(result.cause, reasons.LensChanged), result.reason
     assert result.cause.what == "focal length"
+
+
+def test_what_few_blocks_do_not_tell_of_a_lens_is_believed() -> None:
+    options, rng = RecalibrateOptions(), np.random.default_rng(0)
+    shares: list[float] = []
+    for area in ((0.02, 0.98, 0.02, 0.98), (0.45, 0.55, 0.45, 0.55)):
+        rays = rays_of_captures(RIG, [capture(Scene(), area=area)], options.max_points, rng)
+        n = len(rays)
+        blocks = np.stack([np.arange(n) % 36, np.arange(n) % 36]) if not shares else np.zeros((2, n), dtype=np.int64)
+        measured = Measured(
+            RIG,
+            np.zeros((n, 2)),
+            np.zeros((n, 2)),
+            Support(rays.points, blocks),
+            np.zeros((n, 3)),
+            1e-4,
+            np.empty((n, 0), dtype=np.int64),
+        )
+        shares.append(untold_misfit(measured) / MISFIT_PX)
+    assert shares[0] == pytest.approx(np.sqrt(10 / (10 + 36 - 13)))
+    assert shares[1] == 1.0

@@ -179,13 +179,15 @@ def judge(rig: Rig, captures: Sequence[Correspondences], options: RecalibrateOpt
             curved = misleading_plane(best, lens.kept)
         if photographs and not curved.any() and shifted_copy(best, unexplained(best)) is None:
             curved = needless_planes(best, lens.kept)  # without its plane, a copy would be another surface
-        free = [] if curved.any() else better_without_planes(best, noise, rng)
-        known = [fit for fit in free if any(same_answer(other, fit.pose) for other in posteriors)]
-        free = [fit for fit in free if fit not in known or much_quieter(fit, best)]
-        if lens.verdict == "changed":  # no plane looks flat through it, but curved scenes do not ask for it
+        changed = lens.verdict == "changed"  # through another lens planes look curved
+        free = [] if curved.any() and not changed else better_without_planes(best, noise, rng)
+        if changed:  # but curved scenes do not ask for it
             free = [fit for fit in free if lens.posterior is not None and quieter(fit, lens.posterior)]
             curved[:] = False
-        elif not (photographs or curved.any() or free) and hidden_by_planes(best, part, tight, wide, old):
+        else:
+            known = [fit for fit in free if any(same_answer(other, fit.pose) for other in posteriors)]
+            free = [fit for fit in free if fit not in known or much_quieter(fit, best)]
+        if not (changed or photographs or curved.any() or free) and hidden_by_planes(best, part, tight, wide, old):
             curved[:] = True
         curved |= bool(free)
         if not curved.any():

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from typing import Literal
 
@@ -9,8 +10,8 @@ import numpy as np
 
 from retrue.errors import DegenerateError
 from retrue.geometry.arrays import FloatArray
-from retrue.geometry.robust import biweight_loss
-from retrue.geometry.two_view import TwoViewPose
+from retrue.geometry.robust import biweight_level, biweight_loss, gather_weights
+from retrue.geometry.two_view import POSE_PARAMETERS, TwoViewPose
 from retrue.recalibration.candidates import behind, same_pose
 from retrue.recalibration.chance import beyond_chance
 from retrue.recalibration.lens import FOCAL, LENS_PARAMETERS, LensPrior, scaled_starts
@@ -25,7 +26,9 @@ DOUBTFUL_GAIN = 9.0
 FAR_MOVE_DEG = 10.0
 FARTHEST = 3.0  # wide sigma that a lens changes by
 CURVED = 30.0  # times as bowed as planes are: balls, pipes, faces
-ROUGHER = 1.5  # along the epipolar line than across it: what a plane leaves is alike
+ROUGHER = 1.2  # along the epipolar line than across it: what a plane leaves is alike
+BELIEVED_BLOCKS = 10  # that the misfit of real lenses is believed as much as: they differ, and may have none
+GATHERED = 15  # steps
 PART_PRICE = 60.0  # of chi-square: five free parameters, and the choice of points
 
 
@@ -71,11 +74,14 @@ def lens_evidence(
     noise, moved = best.fit.epipolar_noise, move_deg(best.pose, old)
     quiet = min(plane_levels(measured), default=np.inf)
     elsewhere = not (noise.level < min(LOUD * quiet, 1.0) and noise.shared < max(0.5 * noise.level, MISFIT_PX))
-    elsewhere = elsewhere or best.measured.aside is not None  # what was set aside may be right, through other lenses
+    elsewhere = elsewhere or part is not None or best.measured.aside is not None  # both may be right, through others
     posterior, others = None, ()
     apart = _with_each_alone(measured, best, tight, wide)
     if gain > DOUBTFUL_GAIN or elsewhere or apart is not None or moved > FAR_MOVE_DEG:
+        real, free = replace(measured, misfit=untold_misfit(measured)), Prior(wide, free=True)
         starts = [(best.parameters, 30)]
+        with suppress(DegenerateError):
+            starts.append((_drawn_in(real, best.parameters, free), 30))
         if apart is not None:
             starts.append((apart, 30))
         if elsewhere or moved > FAR_MOVE_DEG:  # through other lenses, another pose may be it
@@ -83,14 +89,14 @@ def lens_evidence(
                 starts.append((Parameters.of(pose, lens), 25))
         fits: list[Posterior] = []
         for start, iterations in starts:
-            try:
-                fits.append(fit_posterior(real, start, Prior(wide, free=True), iterations))
-            except DegenerateError:
-                continue
-        posterior = least(fits, measured)
+            with suppress(DegenerateError):
+                fits.append(fit_posterior(real, start, free, iterations))
+        rivals = [least(fits, measured), *(fit for fit in fits if fit.fit.explained.sum() > best.fit.explained.sum())]
+        rivals = [fit for k, fit in enumerate(rivals) if not any(same_pose(fit.pose, one.pose) for one in rivals[:k])]
+        gains = [_gain(real, best, fit, tight, part) for fit in rivals]
+        posterior, gain = rivals[int(np.argmax(gains))], max(gains)
         others = tuple(fit for fit in fits if not same_pose(fit.pose, posterior.pose))
-        nearer = 2 * (move_nats(moved) - move_nats(move_deg(posterior.pose, old)))
-        gain = _gain(real, best, posterior, tight, part) + nearer
+        gain += 2 * (move_nats(moved) - move_nats(move_deg(posterior.pose, old)))
         change, covariance = posterior.parameters.lens, posterior.lens_covariance
     sigma = np.sqrt(np.diag(covariance))
     determined = bool((sigma[FOCAL] <= KNOWN_FOCAL).all())
@@ -104,13 +110,22 @@ def lens_evidence(
     return LensEvidence(verdict, change, sigma, gain, prior, kept, posterior, others)
 
 
-def _with_each_alone(measured: Measured, best: Posterior, tight: LensPrior, wide: LensPrior) -> Parameters | None:
-    """Where free lenses lead a pose of points alone, each of which errs by itself; None where they gain nothing.
+def untold_misfit(measured: Measured) -> float:
+    """What real lenses leave, px, beyond what the scatter of B blocks tells: m sqrt(n / (n + B - p)), p unknowns.
 
-    What other lenses do to such a pose looks like an error that neighbours share.
+    The shared noise of a fit holds that scatter; what its own unknowns took up of it, and few blocks tell nothing of,
+    is believed to be as other lenses have it.
     """
-    if len(best.pose.planes):
-        return None
+    blocks = np.unique(measured.support.blocks[0])
+    told = max(len(blocks) - POSE_PARAMETERS - 2 * LENS_PARAMETERS, 0)
+    return MISFIT_PX * float(np.sqrt(BELIEVED_BLOCKS / (BELIEVED_BLOCKS + told)))
+
+
+def _with_each_alone(measured: Measured, best: Posterior, tight: LensPrior, wide: LensPrior) -> Parameters | None:
+    """Where free lenses lead the pose if each point errs by itself; None where they gain nothing.
+
+    What other lenses do to a pose looks like an error that neighbours share.
+    """
     alone = replace(measured, support=measured.support.each_alone())
     if not _asked(posterior_at(alone, best.parameters, best.prior), tight, wide)[2] > CHANGED_GAIN:
         return None
@@ -118,6 +133,25 @@ def _with_each_alone(measured: Measured, best: Posterior, tight: LensPrior, wide
         return fit_posterior(alone, best.parameters, Prior(wide, free=True), 30).parameters
     except DegenerateError:
         return None
+
+
+def _drawn_in(measured: Measured, start: Parameters, prior: Prior) -> Parameters:
+    """Draw in what a pose of one plane misses, as `gather` does, the lenses being free.
+
+    Through wrong lenses a plane alone is explained by a wrong pose, and what else is seen then looks like an outlier.
+    """
+    plane_index = np.ascontiguousarray(measured.support.points.plane_index)
+    floor = reach = np.inf
+    for _ in range(GATHERED):
+        here = posterior_at(measured, start, prior)
+        both = here.fit.found.both
+        floor = floor if len(start.pose.planes) else biweight_level(here.fit.found.epipolar)
+        weights, floor, reach = gather_weights(both, plane_index, len(start.pose.planes), floor, reach)
+        variances = np.stack([noise.variance for noise in here.fit.noises])
+        robust = np.where(weights > 0, weights, 0.0) * np.where(weights > 0, variances, 0.0)
+        step, _ = replace(here, fit=replace(here.fit, robust_weights=robust)).step(0.0)
+        start = start.moved(step)
+    return start
 
 
 def hidden_by_planes(best: Posterior, part: Part | None, tight: LensPrior, wide: LensPrior, old: TwoViewPose) -> bool:
