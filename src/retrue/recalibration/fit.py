@@ -106,7 +106,10 @@ class PoseFit:
     @cached_property
     def weights(self) -> FloatArray:
         """(2, N) of the normal equations: robust weights over effective variances."""
-        return self.robust_weights / np.stack([self.epipolar_noise.variance, self.along_noise.variance])
+        weights = np.empty(self.robust_weights.shape)
+        for family, noise, own in zip(self.robust_weights, self.noises, weights, strict=True):
+            np.divide(family, noise.variance, out=own)
+        return weights
 
     def improved(self) -> TwoViewPose:
         """One Gauss-Newton step further."""
