@@ -49,6 +49,29 @@ def biweights(
         weights[k] = inside * inside if inside > 0 else 0.0
 
 
+def count_between(
+    values: cython.const[cython.double][::1],
+    rows: cython.const[cython.uchar][::1],
+    level: cython.double,
+    nearest: cython.double,
+    near: cython.double,
+    far: cython.double,
+    counts: cython.longlong[::1],
+) -> None:
+    """`counts` (2,) <- of those rows of values (N,), how many are less than `nearest`, and how many from near to far.
+
+    In absolute value over the level, the ends left out.
+    """
+    cython.declare(k=cython.Py_ssize_t)
+    less: cython.longlong = 0
+    between: cython.longlong = 0
+    for k in range(values.shape[0]):
+        value = fabs(values[k]) / level
+        less += (rows[k] != 0) & (value < nearest)
+        between += (rows[k] != 0) & (near < value) & (value < far)
+    counts[0], counts[1] = less, between
+
+
 def number_blocks(
     points: cython.const[cython.double][:, ::1],
     group: cython.const[cython.longlong][::1],

@@ -1,4 +1,4 @@
-"""What lies around places of a picture, and around the blocks of one surface."""
+"""What lies around places of a picture, around the blocks of one surface, and around points in two pictures."""
 
 from __future__ import annotations
 
@@ -97,3 +97,48 @@ def mean_of_blocks(
                                 weight[k] += share[i, j]
                 for k in range(3):
                     mean[r, c, k] = total[k] / weight[k] if weight[k] > 0 else NAN
+
+
+@cython.cfunc
+@cython.nogil
+@cython.inline
+@cython.exceptval(check=False)
+def _way(
+    rays: cython.const[cython.double][:, ::1],
+    k: cython.Py_ssize_t,
+    first: cython.Py_ssize_t,
+    second: cython.Py_ssize_t,
+    clear: cython.double,
+) -> cython.int:
+    """Which way round the triangle k, first, second runs: 1 or -1; 0 where noise may have made it."""
+    ux, uy = rays[first, 0] - rays[k, 0], rays[first, 1] - rays[k, 1]
+    vx, vy = rays[second, 0] - rays[k, 0], rays[second, 1] - rays[k, 1]
+    area = ux * vy - uy * vx
+    if not area * area > clear * ((ux * ux + uy * uy) + (vx * vx + vy * vy)):
+        return 0
+    return 1 if area > 0 else -1
+
+
+def turned_over(
+    camera_rays: cython.const[cython.double][:, ::1],
+    projector_rays: cython.const[cython.double][:, ::1],
+    neighbours: cython.const[cython.longlong][:, ::1],
+    clear: cython.double,
+    fewest: cython.Py_ssize_t,
+    found: cython.uchar[::1],
+) -> cython.void:
+    """`found` (N,) <- about which points all clear triangles with two of the neighbours (N, K) run the other way round
+    in the other picture, `fewest` at least. Clear is an area whose square is `clear` times those of its two sides.
+    """
+    cython.declare(k=cython.Py_ssize_t, i=cython.Py_ssize_t, j=cython.Py_ssize_t)
+    cython.declare(alike=cython.Py_ssize_t, other=cython.Py_ssize_t, way=cython.int)
+    with cython.nogil:
+        for k in range(neighbours.shape[0]):
+            alike, other = 0, 0
+            for i in range(neighbours.shape[1]):
+                for j in range(i + 1, neighbours.shape[1]):
+                    way = _way(camera_rays, k, neighbours[k, i], neighbours[k, j], clear)
+                    way *= _way(projector_rays, k, neighbours[k, i], neighbours[k, j], clear)
+                    alike += way > 0
+                    other += way < 0
+            found[k] = other >= fewest and alike == 0

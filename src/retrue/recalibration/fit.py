@@ -165,7 +165,7 @@ def evaluate(pose: TwoViewPose, support: Support, bows: PlaneBows = NO_BOWS, asi
     if freedom < 1:
         raise DegenerateError("pose: fewer measurements than unknowns; more correspondences are needed")
     levels = _levels(found, on_plane, count / freedom)
-    robust_weights = np.stack([biweights(*family) for family in zip(found.both, levels, strict=True)])
+    robust_weights = biweights(found.both, levels)
     epipolar_noise, along_noise = (
         with_shared_part(*family, BLOCKS)
         for family in zip(found.both, robust_weights, levels, support.blocks, strict=True)
