@@ -19,9 +19,10 @@ def saturated(pixels: Image) -> BoolArray:
 
 def around(picture: Image, centre_px: FloatArray) -> Image:
     """(N, 9, channels) the pixels about each (x, y) of `centre_px`, all inside the picture (h, w, channels)."""
-    found = np.empty((len(centre_px), 9, picture.shape[2]), picture.dtype)
-    pixels, centres = np.ascontiguousarray(picture).reshape(-1), np.ascontiguousarray(centre_px, dtype=np.float64)
-    kernel.gather(pixels, *picture.shape, centres, found.reshape(-1))
+    height, width, channels = picture.shape
+    found = np.empty((len(centre_px), 9, channels), picture.dtype)
+    pixels, places = np.ascontiguousarray(picture).reshape(-1), np.rint(centre_px).astype(np.int64)
+    kernel.gather(pixels, height, width, channels, np.ascontiguousarray(places), found.reshape(-1))
     return found
 
 

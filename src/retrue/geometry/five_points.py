@@ -83,7 +83,8 @@ def best_essentials(
     draw : rows (S, 5) of so many samples.
     scored : rows that are asked.
     """
-    few, drawn, enough = [np.ascontiguousarray(rays[scored].T) for rays in (x, y)], 0, SAMPLES
+    few = np.ascontiguousarray(x[scored].T), np.ascontiguousarray(y[scored].T)
+    drawn, enough = 0, SAMPLES
     limits = 9 * np.square(np.asarray(noises, dtype=np.float64))
     found: list[FloatArray | None] = [None] * len(limits)
     agreement, which = np.zeros(len(limits)), np.empty(len(limits), dtype=np.int64)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import cython
-from cython.cimports.libc.math import isfinite, rint, sqrt
+from cython.cimports.libc.math import isfinite, sqrt
 
 NAN = cython.declare(cython.double, float("nan"))
 
@@ -23,10 +23,10 @@ def gather(
     height: cython.Py_ssize_t,
     width: cython.Py_ssize_t,
     channels: cython.Py_ssize_t,
-    centre_px: cython.const[cython.double][:, ::1],
+    places: cython.const[cython.longlong][:, ::1],
     found: Pixel[::1],
 ) -> cython.void:
-    """`found` (N 9 channels,) <- of `pixels` (height width channels,) those about each (x, y) of `centre_px` (N, 2).
+    """`found` (N 9 channels,) <- of `pixels` (height width channels,) those about each (x, y) of `places` (N, 2).
 
     Row by row, all inside the picture: beyond its border, the pixel there.
     """
@@ -34,9 +34,9 @@ def gather(
     cython.declare(at=cython.Py_ssize_t, here=cython.Py_ssize_t)
     at = 0
     with cython.nogil:
-        for n in range(centre_px.shape[0]):
-            column: cython.Py_ssize_t = cython.cast(cython.Py_ssize_t, rint(centre_px[n, 0]))
-            row: cython.Py_ssize_t = cython.cast(cython.Py_ssize_t, rint(centre_px[n, 1]))
+        for n in range(places.shape[0]):
+            column: cython.Py_ssize_t = places[n, 0]
+            row: cython.Py_ssize_t = places[n, 1]
             for i in range(3):
                 for j in range(3):
                     here = (_inside(row + i - 1, height) * width + _inside(column + j - 1, width)) * channels
@@ -47,14 +47,14 @@ def gather(
 
 def mean_levels(around: cython.const[Pixel][:, :, ::1], means: cython.double[:, ::1]) -> cython.void:
     """`means` (N, channels) <- of pixels (N, 9, channels)."""
-    cython.declare(n=cython.Py_ssize_t, i=cython.Py_ssize_t, k=cython.Py_ssize_t, total=cython.longlong)
+    cython.declare(n=cython.Py_ssize_t, i=cython.Py_ssize_t, k=cython.Py_ssize_t)
     with cython.nogil:
         for n in range(around.shape[0]):
             for k in range(around.shape[2]):
-                total = 0
+                total = 0.0
                 for i in range(9):
                     total += around[n, i, k]
-                means[n, k] = total / 9.0
+                means[n, k] = total / 9
 
 
 def mean_of_blocks(

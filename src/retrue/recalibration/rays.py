@@ -128,8 +128,8 @@ def _one_a_place(capture: Correspondences, row: IntArray) -> BoolArray:
 
 def _with_others(cell: FloatArray) -> BoolArray:
     """(N,) those of whole numbers (N, 2) that are there twice or more."""
-    across, down = cell.T
-    number = (across - across.min(initial=0)) * (float(np.ptp(down)) + 1) + (down - down.min(initial=0))
+    apart: FloatArray = cell - np.min(cell, axis=0)
+    number: FloatArray = apart[:, 0] * (np.max(apart[:, 1]) + 1) + apart[:, 1]
     ordered = np.sort(number)
     twice = ordered[1:][ordered[1:] == ordered[:-1]]
     if not len(twice):

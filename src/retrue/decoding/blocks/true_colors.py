@@ -64,7 +64,6 @@ def _completed(amounts: FloatArray, centre_px: FloatArray) -> FloatArray:
 
 def _mean_around(amounts: FloatArray, centre_px: FloatArray) -> FloatArray:
     """Weighted mean of what is known in the blocks around, of the same surface as far as their distance tells."""
-    rows, columns = amounts.shape[:2]
     step = np.concatenate([lengths(np.diff(centre_px, axis=axis)).ravel() for axis in (0, 1)])
     step = step[np.isfinite(step)]
     pitch, mean = median(step) if len(step) else np.inf, np.empty_like(amounts)
