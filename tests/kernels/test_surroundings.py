@@ -70,6 +70,6 @@ def test_triangles_that_run_the_other_way_round() -> None:
         kernel.turned_over(x, y, neighbours, 1e-6, 3, own.view(np.uint8))
     np.testing.assert_array_equal(found[0], found[1])
     np.testing.assert_array_equal(found[0], np.arange(60) < 30)
-    points = TwoViewPoints(x, y, *np.ones((2, 60)), np.full(60, -1))
+    points = TwoViewPoints(x, y, np.ones(60), np.ones(60), np.full(60, -1))
     np.testing.assert_array_equal(turned_over(points, neighbours, 1e-3 / 3), found[0])
     assert not turned_over(points, neighbours, 10.0).any()  # noise may have made them all
