@@ -22,9 +22,9 @@ def _add_changes(
     r: cython.Py_ssize_t,
     terms: cython.float[:, :, ::1],
 ) -> cython.void:
-    """Row r of the changes, at its place in `terms` (6, ROWS, C): 1 where the cells `apart` before and behind tell, along
-    the axis and across it; and how both slopes change there, over `length`: the first along, the second along, the same
-    across. 0 elsewhere."""
+    """Row r of the changes, at its place in `terms` (6, ROWS, C): 1 where the cells `apart` before and behind tell,
+    along the axis and across it; and how both slopes change there, over `length`: the first along, the second along,
+    the same across. 0 elsewhere."""
     cython.declare(k=cython.Py_ssize_t, c=cython.Py_ssize_t, dr=cython.Py_ssize_t, dc=cython.Py_ssize_t)
     cython.declare(known=cython.float, q=cython.Py_ssize_t)
     rows: cython.Py_ssize_t = told.shape[0]
