@@ -24,7 +24,8 @@ from retrue.files.log_parts import records_of_part, write_part
 from retrue.files.patterns import read_pattern, write_pattern
 from retrue.files.ply import read_ply, write_mesh
 from retrue.files.points import read_points, write_points
-from retrue.files.rigs import RIG_FORMATS, read_device, read_rig, write_rig
+from retrue.files.foreign_rigs import RIG_FORMATS
+from retrue.files.rigs import read_device, read_rig, write_rig
 from retrue.geometry.camera import Camera
 from retrue.geometry.transform import RigidTransform
 from retrue.patterns.color_grid import ColorGrid
