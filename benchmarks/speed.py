@@ -1,7 +1,7 @@
 """The page of speed, in one run: whole processes, pictures and points, each beside what others take.
 
 python benchmarks/speed.py [--quick] [--rounds 15] [--renders FOLDER] [--write docs/speed.md]
-    [--gray-code CAPTURE --pattern pattern.json --rig rig.json]
+    [--sequence CAPTURE pattern.json [rig.json]]...
 
 All are run in turn; a ratio is the median of the ratios of the turns. Each library that is not installed is a row less.
 """
@@ -16,7 +16,7 @@ from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
 
-from speed_pictures import NAMES, gray_code_rows, render_rows
+from speed_pictures import NAMES, render_rows, sequence_rows
 from speed_points import FULL, QUICK, point_rows
 from speed_processes import process_rows
 from speed_rows import Row, machine, table
@@ -43,8 +43,8 @@ def main() -> None:
 def all_rows(options: argparse.Namespace, scratch: Path, rounds: int) -> Iterator[Row]:
     yield from process_rows(options.renders, scratch, rounds)
     yield from render_rows(options.renders, scratch, rounds, NAMES[:1] if options.quick else NAMES)
-    if options.gray_code is not None:
-        yield from gray_code_rows(options.gray_code, options.pattern, options.rig, min(rounds, 7))
+    for files in options.sequence:
+        yield from sequence_rows(*files, rounds=min(rounds, 7))
     yield from point_rows(rounds, QUICK if options.quick else FULL)
 
 
@@ -61,17 +61,17 @@ def parsed() -> argparse.Namespace:
     parser.add_argument("--quick", action="store_true", help="small sizes, one turn: only whether it runs")
     parser.add_argument("--rounds", type=int, default=15)
     parser.add_argument("--renders", type=Path, default=RENDERS, help="wall_0.png and the like, with their rigs")
-    parser.add_argument("--gray-code", type=Path, metavar="CAPTURE")
-    parser.add_argument("--pattern", type=Path)
-    parser.add_argument("--rig", type=Path)
+    parser.add_argument(
+        "--sequence", type=Path, nargs="+", action="append", default=[], metavar="FILE", help="CAPTURE PATTERN [RIG]"
+    )
     parser.add_argument("--write", type=Path, metavar="PAGE", help="replace the measured part of this page")
     options = parser.parse_args()
     if options.rounds < 1:
         parser.error("--rounds must be at least 1")
     if options.write is not None and options.quick:
         parser.error("--write is for measurements; --quick measures nothing")
-    if options.gray_code is not None and (options.pattern is None or options.rig is None):
-        parser.error("--gray-code needs --pattern and --rig")
+    if any(len(files) not in (2, 3) for files in options.sequence):
+        parser.error("--sequence needs a capture, its pattern, and a rig for a row of its pose")
     if not (options.renders / "wall_0.rig.json").is_file():
         parser.error(f"no wall_0.rig.json in {options.renders}")
     return options

@@ -8,13 +8,26 @@ from __future__ import annotations
 from collections.abc import Iterator
 from functools import partial
 from pathlib import Path
+from time import process_time
 
 import cv2
 import numpy as np
 from speed_rows import Row, compare, peer
 
-from retrue import decode, read_capture, read_folder, read_image, read_pattern, read_rig, recalibrate, write_png
+from retrue import (
+    GrayCode,
+    decode,
+    read_capture,
+    read_folder,
+    read_image,
+    read_pattern,
+    read_rig,
+    recalibrate,
+    write_png,
+)
 from retrue.geometry.arrays import Image
+from retrue.patterns.pattern import Pattern
+from retrue.rig import Rig
 
 NAMES = ("wall_0", "textured_wall_0", "wall_objects_0", "corner_0", "dim_0")
 LARGE = (4096, 3000)
@@ -57,18 +70,27 @@ def enlarged(image: Image) -> Image:
     return np.clip(np.round(smooth + noise), 0, 255).astype(np.uint8)
 
 
-def gray_code_rows(capture: Path, pattern_file: Path, rig_file: Path, rounds: int) -> Iterator[Row]:
-    pattern, rig = read_pattern(pattern_file), read_rig(rig_file)
+def sequence_rows(capture: Path, pattern_file: Path, rig_file: Path | None = None, *, rounds: int) -> Iterator[Row]:
+    """Of a folder of pictures: decoded, by the clock and by what all its threads take; read, too; and to a pose."""
+    pattern = read_pattern(pattern_file)
     pictures, paths = read_folder(capture)
-    count = len(decode(pattern, pictures))
+    names = [path.name for path in paths]
+    count = len(decode(pattern, pictures, names=names))
     height, width = pictures[0].shape[:2]
-    what = f"Gray code, {len(pictures)} pictures of {width} x {height}"
-    reading = {
-        peer("OpenCV", "imread, grey"): lambda: [cv2.imread(str(path), cv2.IMREAD_GRAYSCALE) for path in paths],
-    }
-    for job, ours in {
-        f"{what}: `decode`": lambda: decode(pattern, pictures),
-        f"{what}: files to {count} points": lambda: read_capture(capture, pattern),
-        f"{what}: files to a pose": lambda: recalibrate(rig, [read_capture(capture, pattern)]),
-    }.items():
-        yield from compare(job, ours, reading, rounds)
+    kind = "Gray code" if isinstance(pattern, GrayCode) else f"{pattern_file.stem}"
+    what = f"{kind}, {len(pictures)} pictures of {width} x {height}"
+    name = peer("OpenCV", "imread, grey")
+    reading = {name: lambda: [cv2.imread(str(path), cv2.IMREAD_GRAYSCALE) for path in paths]}
+    decoding = partial(decode, pattern, pictures, names=names)
+    yield from compare(f"{what}: `decode`", decoding, reading, rounds, goals={name: 1.0})
+    title = f"{what}: `decode`, processor time"
+    yield from compare(title, decoding, reading, rounds, goals={name: 1.0}, clock=process_time)
+    yield from compare(f"{what}: files to {count} points", lambda: read_capture(capture, pattern), reading, rounds)
+    if rig_file is not None:
+        rig = read_rig(rig_file)
+        job = partial(_pose, rig, capture, pattern)
+        yield from compare(f"{what}: files to a pose", job, reading, rounds)
+
+
+def _pose(rig: Rig, capture: Path, pattern: Pattern) -> object:
+    return recalibrate(rig, [read_capture(capture, pattern)])

@@ -56,18 +56,19 @@ def compare(
     parts: int = 1,
     goals: Mapping[str, float] | None = None,
     before: Mapping[str, float] | None = None,
+    clock: Callable[[], float] = time.perf_counter,
 ) -> list[Row]:
-    """A row for each peer, by the clock, after one call of each; `parts` answers come of one call."""
+    """A row for each peer, by that clock, after one call of each; `parts` answers come of one call."""
     jobs = {"retrue": ours, **peers}
     for job in jobs.values():
         job()
     times: dict[str, list[float]] = {name: [] for name in jobs}
     for _ in range(rounds):
         for name, job in jobs.items():
-            start = time.perf_counter()
+            start = clock()
             for _ in range(repeats):
                 job()
-            times[name].append((time.perf_counter() - start) / repeats / parts)
+            times[name].append((clock() - start) / repeats / parts)
     own = times.pop("retrue")
     return rows(what, own, times, goals or {}, before or {})
 

@@ -18,13 +18,14 @@ from retrue.devices.setup import parse_setup
 from retrue.errors import RetrueError
 from retrue.files.board_captures import read_board_capture
 from retrue.files.captures import pictures_size
+from retrue.files.foreign_rigs import RIG_FORMATS
 from retrue.files.history import history_path, read_history, write_in_place
 from retrue.files.images import read_image
 from retrue.files.log_parts import records_of_part, write_part
 from retrue.files.patterns import read_pattern, write_pattern
 from retrue.files.ply import read_ply, write_mesh
 from retrue.files.points import read_points, write_points
-from retrue.files.rigs import RIG_FORMATS, read_device, read_rig, write_rig
+from retrue.files.rigs import read_device, read_rig, write_rig
 from retrue.geometry.camera import Camera
 from retrue.geometry.transform import RigidTransform
 from retrue.patterns.color_grid import ColorGrid

@@ -71,17 +71,19 @@ def rig_difference(first: Rig, second: Rig, working_distance: float | None = Non
 
 def displacement_rms(first: Rig, second: Rig, poses: Sequence[RigidTransform], distance: float) -> list[float]:
     """What both devices of the first rig see at that depth, measured with the second one in each of the poses: RMS."""
-    points = _points_at(first.camera, distance)
-    seen = first.projector.project(first.projector_from_camera.apply(points))
-    with np.errstate(invalid="ignore"):
-        lit = first.projector.contains(seen)
-    if lit.any():  # else the rig works at another distance, and the whole picture must do
-        points, seen = points[lit], seen[lit]
+    points, seen = _seen_at(first, distance)
     camera_rays = second.camera.unproject(first.camera.project(points))
     projector_rays = second.projector.unproject(seen)
-    sigmas = {"camera_sigma": 1 / second.camera.K[0, 0], "projector_sigma": 1 / second.projector.K[0, 0]}
-    measured = (triangulate(pose, camera_rays, projector_rays, **sigmas) for pose in poses)
-    return [float(np.sqrt(((moved - points) ** 2).sum(axis=1).mean())) for moved in measured]
+    return [_rms_from(points, pose, second, camera_rays, projector_rays) for pose in poses]
+
+
+def _rms_from(
+    points: FloatArray, pose: RigidTransform, rig: Rig, camera_rays: FloatArray, projector_rays: FloatArray
+) -> float:
+    """How far from those points (N, 3) their rays meet in a pose, measured with the devices of that rig."""
+    sigmas = {"camera_sigma": 1 / rig.camera.K[0, 0], "projector_sigma": 1 / rig.projector.K[0, 0]}
+    moved = triangulate(pose, camera_rays, projector_rays, **sigmas)
+    return float(np.sqrt(((moved - points) ** 2).sum(axis=1).mean()))
 
 
 def pixel_displacement(rig: Rig, distance: float) -> float:
@@ -93,13 +95,24 @@ def pixel_displacement(rig: Rig, distance: float) -> float:
     >>> round(pixel_displacement(rig, 1000.0), 1)  # Z^2 / (f b), and across the ray
     12.9
     """
+    points, seen = _seen_at(rig, distance)
+    camera_rays = rig.camera.unproject(rig.camera.project(points))
     moved: list[float] = []
     for axis in (0, 1):
         K = rig.projector.K.copy()
         K[axis, 2] += 1
-        off = replace(rig, projector=replace(rig.projector, K=K))
-        moved += displacement_rms(rig, off, [rig.projector_from_camera], distance)
+        off = replace(rig.projector, K=K).unproject(seen)
+        moved.append(_rms_from(points, rig.projector_from_camera, rig, camera_rays, off))
     return float(np.hypot(moved[0], moved[1]))
+
+
+def _seen_at(rig: Rig, distance: float) -> tuple[FloatArray, FloatArray]:
+    """Points (N, 3) at that depth and their projector pixels (N, 2): of those that this sees, where it sees any."""
+    points = _points_at(rig.camera, distance)
+    seen = rig.projector.project(rig.projector_from_camera.apply(points))
+    with np.errstate(invalid="ignore"):
+        lit = rig.projector.contains(seen)
+    return (points[lit], seen[lit]) if lit.any() else (points, seen)  # else it works at another distance
 
 
 def _points_at(camera: Camera, distance: float) -> FloatArray:

@@ -9,7 +9,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from retrue.errors import RetrueError
-from retrue.files.rigs import RIG_FORMATS, read_device, read_rig, write_rig
+from retrue.files.foreign_rigs import RIG_FORMATS
+from retrue.files.rigs import read_device, read_rig, write_rig
 from tests.files.awkward_rigs import SIZES, make_rig
 
 

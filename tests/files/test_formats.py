@@ -10,7 +10,8 @@ import numpy as np
 import pytest
 
 from retrue.errors import FileError, InputError, RetrueWarning
-from retrue.files.rigs import RIG_FORMATS, read_device, read_rig, write_rig
+from retrue.files.foreign_rigs import RIG_FORMATS
+from retrue.files.rigs import read_device, read_rig, write_rig
 from retrue.files.tool_formats import TOOL_FORMATS, ToolFormat
 from retrue.geometry.camera import Camera
 from retrue.rig import Rig

@@ -24,11 +24,13 @@ def test_the_one_that_most_agree_with() -> None:
     squares = np.empty((12, 40))
     for one, row in zip(E, squares, strict=True):
         five_points.sampson_squares(one, x, y, row)
-    limits = np.array([0.004, 0.3])
+    limits, few = np.array([0.004, 0.3]), [np.ascontiguousarray(rays.T) for rays in (x, y)]
     agreement = np.maximum(1 - squares / limits[:, None, None], 0).sum(axis=2)
     assert 0 < agreement[0].argmax() != agreement[1].argmax()
     for kernel in (five_points, plain("five_points")):
-        best, most = np.empty(2, dtype=np.int64), np.empty(2)
-        kernel.most_agreed(E, x, y, limits, best, most)
+        best, most = np.empty(2, dtype=np.int64), np.zeros(2)
+        kernel.most_agreed(E, *few, limits, best, most)
         np.testing.assert_array_equal(best, agreement.argmax(axis=1))
         np.testing.assert_allclose(most, agreement.max(axis=1), rtol=1e-12)
+        kernel.most_agreed(E, *few, limits, best, most)
+        np.testing.assert_array_equal(best, -1)  # none has more

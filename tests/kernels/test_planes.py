@@ -44,11 +44,12 @@ def test_a_bend_is_told_by_how_slopes_change() -> None:
     shape = np.zeros((5, rows, columns), np.float32)
     shape[2] = 30.0
     for kernel in (bend, plain("bend")):
-        terms, found = np.empty((6, rows, columns), np.float32), np.empty((rows, columns), np.float32)
-        bent = np.empty((rows, columns), np.uint8)
-        kernel.changes(slopes, whole, 2, 4.0 * cell, 1, terms)
+        room, found = np.empty((6, 7, columns), np.float32), np.empty((rows, columns), np.float32)
+        told, bent = np.empty((2, rows, columns), np.uint8)
         sigma = np.full((rows, columns), 0.01, np.float32)
-        count = kernel.bias(terms, shape, sigma, 20.0, 8.0, found, bent)
+        frame, moments = (2, 4.0 * cell, 1), (*shape, 1.0)
+        count = kernel.bias(*slopes, whole, *frame, *moments, sigma, 20.0, 8.0, room, told, found, bent)
+        np.testing.assert_array_equal(told, whole)
         np.testing.assert_allclose(found[:, 2:58], change * 30 / 2, rtol=1e-4)
         assert count == np.count_nonzero(bent) >= rows * 56
         assert not found[:, 64:].any()

@@ -75,3 +75,22 @@ def test_each_plane_weighs_at_its_own_level_and_the_rest_within_reach() -> None:
     relative = both / found[0][1][plane + 1]
     expected = np.fmax(1 - (relative / 6) ** 2, 0) ** 2 / found[0][1][plane + 1] ** 2
     np.testing.assert_allclose(found[0][2], expected, rtol=1e-12, atol=1e-15)
+
+
+@pytest.mark.parametrize("count", [149, 151, 900])
+@pytest.mark.parametrize("share", [0.0, 0.25, 0.5, 0.99])
+def test_quantiles_of_many_are_those_of_all(count: int, share: float) -> None:
+    rng = np.random.default_rng(count)
+    normal = rng.normal(size=count)
+    for values in (normal, np.sort(normal), np.round(normal), np.zeros(count), np.where(normal > 1, np.nan, normal)):
+        expected = np.nanquantile(np.abs(values), share)
+        for kernel in (robust, plain("robust")):
+            assert kernel.absolute_quantile(values, 1, share, np.empty(count + 1)) == pytest.approx(expected)
+
+
+def test_what_lies_between_is_counted() -> None:
+    values, counts = np.array([0.5, -2.0, 7.0, np.nan, -9.0, 80.0, 0.0]), np.empty(2, dtype=np.int64)
+    rows = np.array([1, 1, 1, 1, 1, 1, 0], dtype=np.uint8)
+    for kernel in (robust, plain("robust")):
+        kernel.count_between(values, rows, 2.0, 1.0, 3.0, 30.0, counts)
+        assert counts.tolist() == [1, 2]

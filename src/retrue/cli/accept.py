@@ -16,6 +16,7 @@ from retrue.acceptance.options import AcceptOptions
 from retrue.cli.command import (
     DONE,
     REFUSED_OR_DRIFTED,
+    AFile,
     CapturePaths,
     Outcome,
     PatternPath,
@@ -69,7 +70,7 @@ class Accept(ReportingCommand):
     captures: CapturePaths
     pattern: PatternPath = None
     artefact: Annotated[str, arg(metavar="ARTEFACT")]
-    out: Path | None = None
+    out: AFile | None = None
     serial: Annotated[tuple[str, ...], arg(metavar="NAME=VALUE")] = ()
     place: str = ""
     operator: str = ""

@@ -14,6 +14,7 @@ from retrue.calibration.options import CalibrationOptions
 from retrue.cli.command import (
     DONE,
     REFUSED_OR_DRIFTED,
+    AFile,
     CapturePaths,
     Outcome,
     ReportingCommand,
@@ -63,10 +64,10 @@ class Calibrate(ReportingCommand):
     captures: CapturePaths
     board: Annotated[str, arg(metavar="KIND:SIZE:LENGTH")]
     out: Path
-    pattern: Annotated[Path | None, arg(metavar="P.json")] = None
+    pattern: Annotated[AFile | None, arg(metavar="P.json")] = None
     stereo: bool = False
-    camera: Path | None = None
-    projector: Path | None = None
+    camera: AFile | None = None
+    projector: AFile | None = None
     limits: OmitArgPrefixes[CalibrationOptions] = field(default_factory=CalibrationOptions)
 
     def run(self) -> Outcome:

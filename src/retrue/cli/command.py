@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 from tyro.conf import Positional, arg
+from tyro.constructors import PrimitiveConstructorSpec
 
 from retrue.cli.terminal import terminal
 from retrue.errors import FileError, InputError
@@ -20,10 +21,23 @@ if TYPE_CHECKING:
     from retrue.report.page import Page
     from retrue.rig import Rig
 
+# `AFile | None` tyro checks itself; of `Path | None`, and of `tuple[Path, ...]`, it asks a library that takes longer to
+# load than a picture takes to decode.
+AFile = Annotated[Path, "a file"]
 RigPath = Positional[Annotated[Path, arg(metavar="RIG")]]
 CapturePath = Positional[Annotated[Path, arg(metavar="CAPTURE")]]
-CapturePaths = Positional[Annotated[tuple[Path, ...], arg(metavar="CAPTURE...")]]
-PatternPath = Annotated[Path | None, arg(metavar="P.json")]
+if TYPE_CHECKING:
+    CapturePaths = tuple[Path, ...]
+else:
+    _paths = PrimitiveConstructorSpec(
+        nargs="*",
+        metavar="[PATH [PATH ...]]",
+        instance_from_str=lambda words: tuple(map(Path, words)),
+        is_instance=lambda value: isinstance(value, tuple),
+        str_from_instance=lambda paths: [str(path) for path in paths],
+    )
+    CapturePaths = Positional[Annotated[tuple, _paths, arg(metavar="CAPTURE...")]]
+PatternPath = Annotated[AFile | None, arg(metavar="P.json")]
 
 DONE = 0
 REFUSED_OR_DRIFTED = 1
@@ -86,7 +100,7 @@ class ReportingCommand(Command):
         A page to write, HTML, one file that needs no network: pictures, the scene in 3D, tables, evidence.
     """
 
-    report: Annotated[Path | None, arg(metavar="PAGE.html")] = None
+    report: Annotated[AFile | None, arg(metavar="PAGE.html")] = None
 
     def read(
         self,

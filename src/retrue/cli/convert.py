@@ -40,7 +40,8 @@ class Convert(Command):
 
     def run(self) -> Outcome:
         from retrue.errors import InputError
-        from retrue.files.rigs import RIG_FORMATS, read_rig, write_rig
+        from retrue.files.foreign_rigs import RIG_FORMATS
+        from retrue.files.rigs import read_rig, write_rig
 
         if self.to not in RIG_FORMATS:
             raise InputError(f"--to: expected one of {', '.join(RIG_FORMATS)}, found {self.to}")

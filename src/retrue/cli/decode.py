@@ -12,6 +12,7 @@ from tyro.conf import arg
 from retrue.cli.command import (
     DONE,
     REFUSED_OR_DRIFTED,
+    AFile,
     CapturePath,
     Command,
     Outcome,
@@ -49,7 +50,7 @@ class Decode(Command):
     capture: CapturePath
     pattern: PatternPath = None
     out: Path
-    debug: Annotated[Path | None, arg(metavar="DIR")] = None
+    debug: Annotated[AFile | None, arg(metavar="DIR")] = None
 
     def run(self) -> Outcome:
         from retrue.files.points import write_points

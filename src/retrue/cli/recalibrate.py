@@ -12,6 +12,7 @@ from tyro.conf import OmitArgPrefixes
 from retrue.cli.command import (
     DONE,
     REFUSED_OR_DRIFTED,
+    AFile,
     CapturePaths,
     Outcome,
     PatternPath,
@@ -55,7 +56,7 @@ class Recalibrate(PhotographCommand):
     rig: RigPath
     captures: CapturePaths
     pattern: PatternPath = None
-    out: Path | None = None
+    out: AFile | None = None
     in_place: bool = False
     limits: OmitArgPrefixes[RecalibrateOptions] = field(default_factory=RecalibrateOptions)
 

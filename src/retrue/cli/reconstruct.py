@@ -14,6 +14,7 @@ from retrue.cad.options import CadOptions
 from retrue.cli.command import (
     DONE,
     REFUSED_OR_DRIFTED,
+    AFile,
     CapturePaths,
     Outcome,
     PatternPath,
@@ -81,10 +82,10 @@ class Reconstruct(PhotographCommand):
     captures: CapturePaths
     pattern: PatternPath = None
     out: Path
-    mesh: Path | None = None
-    depth: Path | None = None
+    mesh: AFile | None = None
+    depth: AFile | None = None
     undistorted: bool = False
-    cad: Path | None = None
+    cad: AFile | None = None
     fill_holes: bool = False
     normals: bool = False
     anyway: bool = False

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from retrue.geometry.arrays import BoolArray, FloatArray, Image
+from retrue.kernels import surroundings as kernel
 
 FULL = 0.99
 """Of full scale: from there on a sensor may have seen any more light; JPEG leaves 255 a little below itself."""
@@ -18,8 +19,15 @@ def saturated(pixels: Image) -> BoolArray:
 
 def around(picture: Image, centre_px: FloatArray) -> Image:
     """(N, 9, channels) the pixels about each (x, y) of `centre_px`, all inside the picture (h, w, channels)."""
-    column, row = np.round(centre_px).astype(np.int64).T
-    down, right = (offset.ravel() for offset in np.mgrid[-1:2, -1:2])
-    rows = np.clip(row[:, None] + down, 0, picture.shape[0] - 1)
-    columns = np.clip(column[:, None] + right, 0, picture.shape[1] - 1)
-    return picture[rows, columns]
+    height, width, channels = picture.shape
+    found = np.empty((len(centre_px), 9, channels), picture.dtype)
+    pixels, places = np.ascontiguousarray(picture).reshape(-1), np.rint(centre_px).astype(np.int64)
+    kernel.gather(pixels, height, width, channels, np.ascontiguousarray(places), found.reshape(-1))
+    return found
+
+
+def mean_levels(picture: Image, centre_px: FloatArray) -> FloatArray:
+    """(N, channels) their mean."""
+    means = np.empty((len(centre_px), picture.shape[2]))
+    kernel.mean_levels(around(picture, centre_px), means)
+    return means

@@ -8,7 +8,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from retrue.decoding.light import around
+from retrue.decoding.light import mean_levels
 from retrue.errors import InputError
 from retrue.geometry.arrays import FloatArray, Image
 
@@ -48,7 +48,7 @@ def rgb(image: Image, name: str) -> Image:
 
 def seen_levels(picture: Image, places_px: FloatArray, name: str) -> FloatArray:
     """(N, 3) mean of the pixels about each place (N, 2), in the picture's own levels."""
-    return around(rgb(picture, name), places_px).mean(axis=1, dtype=np.float64)
+    return mean_levels(rgb(picture, name), places_px)
 
 
 def seen_colors(picture: Image, places_px: FloatArray, name: str) -> NDArray[np.uint8]:

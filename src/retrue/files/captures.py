@@ -12,7 +12,6 @@ from retrue.files.images import SUFFIXES, picture_paths, read_folder, read_image
 from retrue.geometry.arrays import Image
 from retrue.patterns.color_grid import ColorGrid
 from retrue.patterns.gray_code import GrayCode
-from retrue.patterns.layouts import as_captured
 from retrue.patterns.line_grid import LineGrid
 from retrue.patterns.pattern import PATTERNS, Pattern
 from retrue.patterns.sequence import FrameSequence
@@ -125,6 +124,8 @@ def _in_color(path: Path, pattern: GrayCode | FrameSequence) -> list[int]:
     if isinstance(pattern, GrayCode):
         return [0, pattern.picture_count - 2]
     names = [entry.name for entry in picture_paths(path)]
+    from retrue.patterns.layouts import as_captured
+
     spec = as_captured(pattern, len(names))
     white = [index for index, frame in enumerate(spec.frames) if frame.code == "white"]
     return white if spec.files is None else [names.index(spec.files[k]) for k in white if spec.files[k] in names]

@@ -11,12 +11,9 @@ from retrue.errors import FileError, InputError, require_kind, require_path
 from retrue.files.atomic import read_text, replaced_file
 from retrue.files.images import SUFFIXES, read_image
 from retrue.files.json_values import items, number, parse_json, positive, required, shown, whole, whole_numbers
-from retrue.files.line_patterns import line_grid_spec, read_line_grid
-from retrue.files.sequence_patterns import read_sequence, sequence_spec
 from retrue.patterns.color_grid import ColorGrid
 from retrue.patterns.gray_code import MAX_PROJECTOR_SIDE, ORDER, GrayCode
 from retrue.patterns.line_grid import LineGrid
-from retrue.patterns.line_picture import read_line_picture
 from retrue.patterns.pattern import PATTERNS, Pattern
 from retrue.patterns.sequence import FrameSequence
 
@@ -47,8 +44,12 @@ def read_pattern(path: str | Path) -> Pattern:
         if kind == "color-grid":
             return _color_grid(spec)
         if kind == "line-grid":
+            from retrue.files.line_patterns import read_line_grid
+
             return read_line_grid(spec, _projector_size(spec))
         if kind == "sequence":
+            from retrue.files.sequence_patterns import read_sequence
+
             return read_sequence(spec, _projector_size(spec))
         raise InputError(f'expected "kind": "sequence", "gray-code", "color-grid" or "line-grid", found {shown(kind)}')
     except InputError as error:
@@ -61,8 +62,12 @@ def write_pattern(path: str | Path, pattern: Pattern) -> None:
     require_kind(pattern, PATTERNS, "pattern")
     spec: dict[str, Any] = {"format": "retrue-pattern", "version": 1}
     if isinstance(pattern, FrameSequence):
+        from retrue.files.sequence_patterns import sequence_spec
+
         spec |= sequence_spec(pattern)
     elif isinstance(pattern, LineGrid):
+        from retrue.files.line_patterns import line_grid_spec
+
         spec |= line_grid_spec(pattern)
     elif isinstance(pattern, GrayCode):
         spec |= {"kind": "gray-code", "projector_size": pattern.projector_size, "order": ORDER}
@@ -78,6 +83,8 @@ def write_pattern(path: str | Path, pattern: Pattern) -> None:
 
 
 def _pictured(path: Path) -> LineGrid:
+    from retrue.patterns.line_picture import read_line_picture
+
     try:
         return read_line_picture(read_image(path))
     except InputError as error:

@@ -17,6 +17,7 @@ from retrue.geometry.transform import RigidTransform
 from retrue.rig import Rig
 
 RIG_FORMAT = "retrue-rig"
+LARGEST_RIG_FILE = 4 * 2**20  # bytes; as parsed JSON up to thirty times as much
 VERSION = 1
 LONGEST_UNIT = 40  # characters
 

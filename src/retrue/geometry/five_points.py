@@ -83,17 +83,18 @@ def best_essentials(
     draw : rows (S, 5) of so many samples.
     scored : rows that are asked.
     """
-    few, drawn, enough = (x[scored], y[scored]), 0, SAMPLES
+    few = np.ascontiguousarray(x[scored].T), np.ascontiguousarray(y[scored].T)
+    drawn, enough = 0, SAMPLES
     limits = 9 * np.square(np.asarray(noises, dtype=np.float64))
     found: list[FloatArray | None] = [None] * len(limits)
-    agreement, which, most = np.zeros(len(limits)), np.empty(len(limits), dtype=np.int64), np.empty(len(limits))
+    agreement, which = np.zeros(len(limits)), np.empty(len(limits), dtype=np.int64)
     while drawn < min(enough, most_samples):
         candidates = five_point_essentials(x, y, draw(SAMPLES))
         drawn += SAMPLES
         if len(candidates):
-            kernel.most_agreed(candidates, *few, limits, which, most)
-            for index in np.flatnonzero(most > agreement):
-                found[index], agreement[index] = candidates[which[index]], most[index]
+            kernel.most_agreed(candidates, *few, limits, which, agreement)
+            for index in np.flatnonzero(which >= 0):
+                found[index] = candidates[which[index]]
         agreeing = float(agreement.max()) / max(len(scored), 1)
         enough = MISSED / np.log1p(-min(agreeing**5, 0.99)) if agreeing > 0.1 else most_samples
     return [E for E in found if E is not None]

@@ -7,6 +7,7 @@ thousand neighbours with one common error then weigh like one, and the reported 
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import cast
 
@@ -62,11 +63,22 @@ def biweight(relative: FloatArray) -> FloatArray:
     return np.fmax(inside, 0.0) ** 2
 
 
-def biweights(values: FloatArray, level: float) -> FloatArray:
-    """The same of values (N,) over their level, in one pass."""
-    weights = np.empty(len(values))
-    kernel.biweights(values, level, CUTOFF, weights)
+def biweights(families: FloatArray, levels: Sequence[float]) -> FloatArray:
+    """The same of families (K, N) of values over the level of each, in one pass."""
+    weights = np.empty(families.shape)
+    for values, level, own in zip(families, levels, weights, strict=True):
+        kernel.biweights(values, level, CUTOFF, own)
     return weights
+
+
+def count_between(
+    values: FloatArray, rows: BoolArray, level: float, bounds: tuple[float, float, float]
+) -> tuple[int, int]:
+    """Of those rows (N,) of values over their level, how many are smaller, whatever their sign, than the first bound,
+    and how many lie between the others."""
+    counts = np.empty(2, dtype=np.int64)
+    kernel.count_between(values, rows.view(np.uint8), level, *bounds, counts)
+    return int(counts[0]), int(counts[1])
 
 
 def gather_weights(

@@ -41,7 +41,7 @@ class RigidTransform(ByValue, ShortRepr):
         error = float(np.abs(R @ R.T - np.eye(3)).max())
         if not error < ROTATION_TOLERANCE:
             raise InputError(f"rotation R: expected an orthonormal matrix, found R R^T off identity by {error:.2g}")
-        if not np.linalg.det(R) > 0:
+        if not R[0] @ _cross(R[1], R[2]) > 0:
             raise InputError("rotation R: expected determinant +1, found a reflection (-1)")
         object.__setattr__(self, "R", frozen_array(nearest_rotation(R) if error > 1e-14 else R))
         object.__setattr__(self, "t", frozen_array(t))
@@ -107,12 +107,17 @@ def vector_from_rotation(R: ArrayLike) -> FloatArray:
     if not np.abs(R @ R.T - np.eye(3)).max() < 1e-12:  # a tiny angle keeps its digits only untouched
         R = nearest_rotation(R)
     # Outer products of the quaternion (x, y, z, w), each a number of R: the longest row has no cancellation.
-    products = np.empty((4, 4))
-    products[:3, :3] = R + R.T
-    products[:3, 3] = products[3, :3] = R[2, 1] - R[1, 2], R[0, 2] - R[2, 0], R[1, 0] - R[0, 1]
-    products[3, 3] = 1 + np.trace(R)
-    products[range(3), range(3)] = 1 - np.trace(R) + 2 * np.diag(R)
-    row = products[int(np.argmax(np.diag(products)))]
+    (a, b, c), (d, e, f), (g, h, i) = R.tolist()
+    trace = a + e + i
+    squares = [1 - trace + 2 * a, 1 - trace + 2 * e, 1 - trace + 2 * i, 1 + trace]
+    row = np.array(
+        [
+            [squares[0], b + d, c + g, h - f],
+            [d + b, squares[1], f + h, c - g],
+            [g + c, h + f, squares[2], d - b],
+            [h - f, c - g, d - b, squares[3]],
+        ][squares.index(max(squares))]
+    )
     x, w = (row[:3], row[3]) if row[3] >= 0 else (-row[:3], -row[3])
     sine = float(np.linalg.norm(x))
     return x * (2 * float(np.arctan2(sine, w)) / sine) if sine > 0 else np.zeros(3)
@@ -143,4 +148,10 @@ def direction_angle(a: ArrayLike, b: ArrayLike) -> float:
     if not (v.any() and w.any()):
         return float("nan")
     v, w = v / np.abs(v).max(), w / np.abs(w).max()  # so that no product under- or overflows
-    return float(np.arctan2(np.linalg.norm(np.cross(v, w)), v @ w))
+    return float(np.arctan2(np.linalg.norm(_cross(v, w)), v @ w))
+
+
+def _cross(v: FloatArray, w: FloatArray) -> FloatArray:
+    """`np.cross` of two vectors (3,), in a tenth of its time."""
+    (a, b, c), (x, y, z) = v.tolist(), w.tolist()
+    return np.array([b * z - c * y, c * x - a * z, a * y - b * x])

@@ -58,7 +58,11 @@ class TwoViewPoints:
 
     def select(self, rows: IntArray | slice | np.ndarray) -> TwoViewPoints:
         """The same, with only those rows."""
-        return TwoViewPoints(*(getattr(self, name)[rows] for name in self.__dataclass_fields__))
+        parts = [getattr(self, name) for name in self.__dataclass_fields__]
+        if isinstance(rows, slice):
+            return TwoViewPoints(*(part[rows] for part in parts))
+        rows = np.flatnonzero(rows) if rows.dtype == np.bool_ else rows  # to find them once for all
+        return TwoViewPoints(*(np.take(part, rows, axis=0) for part in parts))
 
     def without_planes(self, gone: BoolArray) -> TwoViewPoints:
         """The same where the points of those planes (P,) lie on none, and the others are numbered anew."""
@@ -306,6 +310,7 @@ def planes_of_pose(R: FloatArray, t: FloatArray, homographies: list[FloatArray])
     planes = np.empty((len(homographies), 3))
     for index, H in enumerate(homographies):
         # lambda from the rows that t does not touch: [t]x (lambda H - R) = 0.
-        A, B = np.cross(t, H.T).T, skew(t) @ R
+        turned = t[1] * H[2] - t[2] * H[1], t[2] * H[0] - t[0] * H[2], t[0] * H[1] - t[1] * H[0]
+        A, B = np.stack(turned, axis=1).T, skew(t) @ R
         planes[index] = t @ (H * (np.sum(A * B) / np.sum(A * A)) - R)
     return planes

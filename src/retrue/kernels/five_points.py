@@ -47,42 +47,53 @@ def most_agreed(
 ) -> None:
     """`best` (L,) <- which of K essential matrices has the most agreement, and `most` (L,) <- how much, at each limit.
 
-    That is the sum of 1 - square / limit, none below zero. One is given up where it falls short of them all even if all
-    points to come agree.
+    x, y : (2, N) matches.
+
+    That is the sum of 1 - square / limit, none below zero. -1 where none has more than `most` has already. One is given
+    up where it falls short of them all even if all points to come agree.
     """
-    cython.declare(i=cython.Py_ssize_t, k=cython.Py_ssize_t, j=cython.Py_ssize_t)
-    count: cython.Py_ssize_t = x.shape[0]
+    cython.declare(i=cython.Py_ssize_t, k=cython.Py_ssize_t, j=cython.Py_ssize_t, m=cython.Py_ssize_t)
+    cython.declare(start=cython.Py_ssize_t, stop=cython.Py_ssize_t)
+    count: cython.Py_ssize_t = x.shape[1]
     number: cython.Py_ssize_t = limits.shape[0]
     gain = cython.declare(cython.double[16])
+    above, below = cython.declare(cython.double[16]), cython.declare(cython.double[16])
     if number > MOST_LIMITS:
         raise ValueError("essential matrices: more limits than there is room for")
     widest = 0.0
     for j in range(number):
-        best[j], most[j] = 0, -1.0
+        best[j] = -1
         widest = max(widest, limits[j])
     with cython.nogil:
         for i in range(E.shape[0]):
+            e0, e1, e2 = E[i, 0, 0], E[i, 0, 1], E[i, 0, 2]
+            e3, e4, e5 = E[i, 1, 0], E[i, 1, 1], E[i, 1, 2]
+            e6, e7, e8 = E[i, 2, 0], E[i, 2, 1], E[i, 2, 2]
             for j in range(number):
                 gain[j] = 0.0
-            for k in range(count):
-                u, v = y[k, 0], y[k, 1]
-                lx = E[i, 0, 0] * x[k, 0] + E[i, 0, 1] * x[k, 1] + E[i, 0, 2]
-                ly = E[i, 1, 0] * x[k, 0] + E[i, 1, 1] * x[k, 1] + E[i, 1, 2]
-                mx = E[i, 0, 0] * u + E[i, 1, 0] * v + E[i, 2, 0]
-                my = E[i, 0, 1] * u + E[i, 1, 1] * v + E[i, 2, 1]
-                value = lx * u + ly * v + E[i, 2, 0] * x[k, 0] + E[i, 2, 1] * x[k, 1] + E[i, 2, 2]
-                below = lx * lx + ly * ly + mx * mx + my * my
-                if value * value < widest * below:
-                    square = value * value / below
-                    for j in range(number):
-                        if square < limits[j]:
-                            gain[j] += 1 - square / limits[j]
-                elif k % ASKED == 0:
-                    hopeless: cython.bint = True
-                    for j in range(number):
-                        hopeless = hopeless and gain[j] + (count - k - 1) <= most[j]
-                    if hopeless:
-                        break
+            start = 0
+            while start < count:
+                stop = min(ASKED, count - start)
+                for m in range(stop):
+                    u, v = y[0, start + m], y[1, start + m]
+                    lx = e0 * x[0, start + m] + e1 * x[1, start + m] + e2
+                    ly = e3 * x[0, start + m] + e4 * x[1, start + m] + e5
+                    mx, my = e0 * u + e3 * v + e6, e1 * u + e4 * v + e7
+                    value = lx * u + ly * v + e6 * x[0, start + m] + e7 * x[1, start + m] + e8
+                    above[m] = value * value
+                    below[m] = lx * lx + ly * ly + mx * mx + my * my
+                for m in range(stop):
+                    if above[m] < widest * below[m]:
+                        square = above[m] / below[m]
+                        for j in range(number):
+                            if square < limits[j]:
+                                gain[j] += 1 - square / limits[j]
+                start += ASKED
+                hopeless: cython.bint = True
+                for j in range(number):
+                    hopeless = hopeless and gain[j] + (count - start) <= most[j]
+                if hopeless:
+                    break
             for j in range(number):
                 if gain[j] > most[j]:
                     most[j], best[j] = gain[j], i

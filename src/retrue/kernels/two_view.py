@@ -14,6 +14,7 @@ NAN = cython.declare(cython.double, float("nan"))
 EDGE_ON = cython.declare(cython.double, 1e-12)  # of the variance along the line: below it a plane tells nothing there
 SMALLEST = cython.declare(cython.double, 1e-12)
 FURTHER = cython.declare(cython.double, 4.0)  # sigma of a depth, that a point on no plane must be behind by
+LOT = cython.declare(cython.Py_ssize_t, 16)  # points at a time: one after the other, each would wait for its divisions
 UNKNOWNS = cython.declare(cython.Py_ssize_t, 8)  # of one point: the pose, and n of its plane
 MOST_EXTRA = cython.declare(cython.Py_ssize_t, 32)  # columns that a caller adds to the 8 of pose and plane
 
@@ -211,7 +212,7 @@ def two_view(
         residuals change with those unknowns and with the plane's bows; and of all points across the line. Added to, as
         far as the other triangle follows.
     """
-    cython.declare(i=cython.Py_ssize_t, k=cython.Py_ssize_t)
+    cython.declare(i=cython.Py_ssize_t, k=cython.Py_ssize_t, m=cython.Py_ssize_t)
     adds: cython.bint = weights.shape[1] > 0
     extra: cython.Py_ssize_t = columns.shape[0]
     first_turn: cython.Py_ssize_t = UNKNOWNS + extra
@@ -221,94 +222,138 @@ def two_view(
     across, on_plane = cython.declare(cython.double[64]), cython.declare(cython.double[64])
     for i in range(64):
         across[i], on_plane[i] = 0.0, 0.0
-    row = cython.declare(cython.double[40])
+    row, flat = cython.declare(cython.double[40]), cython.declare(cython.double[16])
+    index, on = cython.declare(cython.Py_ssize_t[16]), cython.declare(cython.bint[16])  # of the points of a lot
+    nx, ny, nz = cython.declare(cython.double[16]), cython.declare(cython.double[16]), cython.declare(cython.double[16])
+    lx, ly, lz = cython.declare(cython.double[16]), cython.declare(cython.double[16]), cython.declare(cython.double[16])
+    v1, v2, v3 = cython.declare(cython.double[16]), cython.declare(cython.double[16]), cython.declare(cython.double[16])
+    hx, hy, hz = cython.declare(cython.double[16]), cython.declare(cython.double[16]), cython.declare(cython.double[16])
+    cx, cy, px = cython.declare(cython.double[16]), cython.declare(cython.double[16]), cython.declare(cython.double[16])
+    py, vx, vy = cython.declare(cython.double[16]), cython.declare(cython.double[16]), cython.declare(cython.double[16])
+    dx, dy, ex = cython.declare(cython.double[16]), cython.declare(cython.double[16]), cython.declare(cython.double[16])
+    ey, gx, gy = cython.declare(cython.double[16]), cython.declare(cython.double[16]), cython.declare(cython.double[16])
+    mx, my, by = cython.declare(cython.double[16]), cython.declare(cython.double[16]), cython.declare(cython.double[16])
+    j11, j12 = cython.declare(cython.double[16]), cython.declare(cython.double[16])
+    j21, j22 = cython.declare(cython.double[16]), cython.declare(cython.double[16])
+    bow, rho = cython.declare(cython.double[16]), cython.declare(cython.double[16])
     if extra + 2 * turns + bends.shape[1] > MOST_EXTRA:
         raise ValueError("two views: more columns than a row holds")
     E = _essential(R, axes)
     t = E.t
     first, second = Vector(axes[1, 0], axes[1, 1], axes[1, 2]), Vector(axes[2, 0], axes[2, 1], axes[2, 2])
-    for k in range(camera_rays.shape[0]):
-        plane: cython.Py_ssize_t = plane_index[k]
-        if adds and not (weights[0, k] > 0 or weights[1, k] > 0):
-            continue
-        vx: cython.double = camera_sigma[k] * camera_sigma[k]
-        vy: cython.double = projector_sigma[k] * projector_sigma[k]
-        x = Vector(camera_rays[k, 0], camera_rays[k, 1], 1.0)
-        y = Vector(projector_rays[k, 0], projector_rays[k, 1], 1.0)
-        at = _corrected(E, x, y, vx, vy)
-        x, y, v = at.x, at.y, at.v
-        on: cython.bint = plane >= 0 and not (adds and not weights[1, k] > 0)
-        n, bend = Vector(0.0, 0.0, 0.0), 0.0
-        if on:
-            for i in range(bends.shape[1]):
-                bend += bends[k, i] * bows[plane, i]
-            n = Vector(planes[plane, 0], planes[plane, 1], planes[plane, 2])
-        seen = _seen(E, n, bend, x, v)
-        if adds and on:
-            y = Vector(seen.x, seen.y, 1.0)
-        mx, my = _dot(E.e1, y), _dot(E.e2, y)
-        scale = 1 / sqrt(vy * (at.lx * at.lx + at.ly * at.ly) + vx * (mx * mx + my * my))
+    following: cython.Py_ssize_t = 0
+    while following < camera_rays.shape[0]:
+        taken: cython.Py_ssize_t = 0
+        some: cython.bint = False  # on a plane
+        while taken < LOT and following < camera_rays.shape[0]:
+            k = following
+            following += 1
+            if adds and not (weights[0, k] > 0 or weights[1, k] > 0):
+                continue
+            plane: cython.Py_ssize_t = plane_index[k]
+            index[taken], on[taken] = k, plane >= 0 and not (adds and not weights[1, k] > 0)
+            cx[taken], cy[taken] = camera_rays[k, 0], camera_rays[k, 1]
+            px[taken], py[taken] = projector_rays[k, 0], projector_rays[k, 1]
+            vx[taken], vy[taken] = camera_sigma[k] * camera_sigma[k], projector_sigma[k] * projector_sigma[k]
+            nx[taken], ny[taken], nz[taken], bend = 0.0, 0.0, 0.0, 0.0
+            if on[taken]:
+                some = True
+                for i in range(bends.shape[1]):
+                    bend += bends[k, i] * bows[plane, i]
+                nx[taken], ny[taken], nz[taken] = planes[plane, 0], planes[plane, 1], planes[plane, 2]
+            bow[taken] = bend
+            taken += 1
+        if taken == 0:
+            break
+        for m in range(taken, LOT):  # all are computed
+            cx[m], cy[m], px[m], py[m], vx[m], vy[m] = cx[0], cy[0], px[0], py[0], vx[0], vy[0]
+            nx[m], ny[m], nz[m], bow[m], on[m] = 0.0, 0.0, 0.0, 0.0, False
+        for m in range(LOT):
+            at = _corrected(E, Vector(cx[m], cy[m], 1.0), Vector(px[m], py[m], 1.0), vx[m], vy[m])
+            cx[m], cy[m], px[m], py[m] = at.x.x, at.x.y, at.y.x, at.y.y
+            dx[m], dy[m], ex[m], ey[m] = at.dx, at.dy, at.ex, at.ey
+            lx[m], ly[m], lz[m] = at.lx, at.ly, at.lz
+            v1[m], v2[m], v3[m] = at.v.x, at.v.y, at.v.z
+        if some:
+            for m in range(LOT):
+                n, x, v = Vector(nx[m], ny[m], nz[m]), Vector(cx[m], cy[m], 1.0), Vector(v1[m], v2[m], v3[m])
+                seen = _seen(E, n, bow[m], x, v)
+                flat[m], rho[m], hx[m], hy[m], hz[m] = seen.flat, seen.disparity, seen.x, seen.y, seen.closeness
+                px[m], py[m] = seen.x if adds and on[m] else px[m], seen.y if adds and on[m] else py[m]
+        for m in range(LOT):
+            y = Vector(px[m], py[m], 1.0)
+            mx[m], my[m] = _dot(E.e1, y), _dot(E.e2, y)
+            by[m] = 1 / sqrt(vy[m] * (lx[m] * lx[m] + ly[m] * ly[m]) + vx[m] * (mx[m] * mx[m] + my[m] * my[m]))
         if not adds:
-            value = at.lx * y.x + at.ly * y.y + at.lz + at.lx * at.ex + at.ly * at.ey + mx * at.dx + my * at.dy
-            residuals[0, k], residuals[1, k] = value * scale, NAN
-        elif weights[0, k] > 0:
-            # e = y . (t x v): by w it is v x (y x t), by t it is v x y.
-            turned, shifted = _cross(v, _cross(y, t)), _cross(v, y)
-            row[0], row[1], row[2] = turned.x * scale, turned.y * scale, turned.z * scale
-            row[3], row[4] = _dot(first, shifted) * scale, _dot(second, shifted) * scale
+            for m in range(taken):
+                value = lx[m] * px[m] + ly[m] * py[m] + lz[m] + lx[m] * ex[m] + ly[m] * ey[m]
+                value = value + mx[m] * dx[m] + my[m] * dy[m]
+                residuals[0, index[m]], residuals[1, index[m]] = value * by[m], NAN
+        if some:
+            for m in range(LOT):
+                # d h / d x, of h = H x with H = R + (1 + bend) t n^T.
+                b1, b2 = nx[m] * (1 + bow[m]), ny[m] * (1 + bow[m])
+                H31, H32 = E.r3.x + t.z * b1, E.r3.y + t.z * b2
+                j11[m], j12[m] = E.r1.x + t.x * b1 - hx[m] * H31, E.r1.y + t.x * b2 - hx[m] * H32
+                j21[m], j22[m] = E.r2.x + t.y * b1 - hy[m] * H31, E.r2.y + t.y * b2 - hy[m] * H32
+                j11[m], j12[m], j21[m], j22[m] = j11[m] * hz[m], j12[m] * hz[m], j21[m] * hz[m], j22[m] * hz[m]
+                inverse = 1 / sqrt(lx[m] * lx[m] + ly[m] * ly[m])
+                ax, ay = lx[m] * inverse, ly[m] * inverse  # across the epipolar line; (-ay, ax) runs along it
+                c11 = vy[m] + vx[m] * (j11[m] * j11[m] + j12[m] * j12[m])
+                c12 = vx[m] * (j11[m] * j21[m] + j12[m] * j22[m])
+                c22 = vy[m] + vx[m] * (j21[m] * j21[m] + j22[m] * j22[m])
+                across_variance = ax * ax * c11 + 2 * ax * ay * c12 + ay * ay * c22
+                along_variance = ay * ay * c11 - 2 * ax * ay * c12 + ax * ax * c22
+                covariance = ax * ay * (c22 - c11) + (ax * ax - ay * ay) * c12
+                slope = covariance / across_variance
+                left = along_variance - slope * covariance
+                scale = 1 / sqrt(left) if left > EDGE_ON * along_variance else 0.0
+                gx[m], gy[m] = (-ay - slope * ax) * scale, (ax - slope * ay) * scale  # residual = g . (y - h)
+        for m in range(taken):
+            k = index[m]
+            if not adds:
+                if on[m]:
+                    apart = projector_rays[k, 0] - hx[m] - j11[m] * dx[m] - j12[m] * dy[m]
+                    down = projector_rays[k, 1] - hy[m] - j21[m] * dx[m] - j22[m] * dy[m]
+                    residuals[1, k] = gx[m] * apart + gy[m] * down
+                continue
+            v, y = Vector(v1[m], v2[m], v3[m]), Vector(px[m], py[m], 1.0)
+            if weights[0, k] > 0:
+                # e = y . (t x v): by w it is v x (y x t), by t it is v x y.
+                turned, shifted = _cross(v, _cross(y, t)), _cross(v, y)
+                row[0], row[1], row[2] = turned.x * by[m], turned.y * by[m], turned.z * by[m]
+                row[3], row[4] = _dot(first, shifted) * by[m], _dot(second, shifted) * by[m]
+                for i in range(extra):
+                    row[UNKNOWNS + i] = columns[i, 0, k]
+                for i in range(turns):
+                    row[first_turn + i] = (mx[m] * camera_turns[k, 0, i] + my[m] * camera_turns[k, 1, i]) * by[m]
+                    turn = lx[m] * projector_turns[k, 0, i] + ly[m] * projector_turns[k, 1, i]
+                    row[first_turn + turns + i] = turn * by[m]
+                _add(across, blocks[planes.shape[0]], row, weights[0, k], 5, first_bow)
+            if not on[m]:
+                continue
+            # d h = (I, -h) d w / depth for w = H x, so that g . d h = -p . d w with:
+            p = Vector(-gx[m] * hz[m], -gy[m] * hz[m], (gx[m] * hx[m] + gy[m] * hy[m]) * hz[m])
+            turned, pulled = _cross(v, p), _dot(t, p)
+            row[0], row[1], row[2] = turned.x, turned.y, turned.z
+            row[3], row[4] = _dot(first, p) * rho[m], _dot(second, p) * rho[m]
+            by_n = pulled * (1 + bow[m])
+            row[5], row[6], row[7] = by_n * cx[m], by_n * cy[m], by_n
             for i in range(extra):
-                row[UNKNOWNS + i] = columns[i, 0, k]
-            for i in range(turns):
-                row[first_turn + i] = (mx * camera_turns[k, 0, i] + my * camera_turns[k, 1, i]) * scale
-                row[first_turn + turns + i] = (
-                    at.lx * projector_turns[k, 0, i] + at.ly * projector_turns[k, 1, i]
-                ) * scale
-            _add(across, blocks[planes.shape[0]], row, weights[0, k], 5, first_bow)
-        if not on:
-            continue
-        # d h / d x, of h = H x with H = R + (1 + bend) t n^T.
-        closeness, hx, hy = seen.closeness, seen.x, seen.y
-        bent = Vector(n.x * (1 + bend), n.y * (1 + bend), n.z * (1 + bend))
-        H31, H32 = E.r3.x + t.z * bent.x, E.r3.y + t.z * bent.y
-        j11, j12 = (E.r1.x + t.x * bent.x - hx * H31) * closeness, (E.r1.y + t.x * bent.y - hx * H32) * closeness
-        j21, j22 = (E.r2.x + t.y * bent.x - hy * H31) * closeness, (E.r2.y + t.y * bent.y - hy * H32) * closeness
-        inverse = 1 / sqrt(at.lx * at.lx + at.ly * at.ly)
-        ax, ay = at.lx * inverse, at.ly * inverse  # across the epipolar line; (-ay, ax) runs along it
-        c11, c12 = vy + vx * (j11 * j11 + j12 * j12), vx * (j11 * j21 + j12 * j22)
-        c22 = vy + vx * (j21 * j21 + j22 * j22)
-        across_variance = ax * ax * c11 + 2 * ax * ay * c12 + ay * ay * c22
-        along_variance = ay * ay * c11 - 2 * ax * ay * c12 + ax * ax * c22
-        covariance = ax * ay * (c22 - c11) + (ax * ax - ay * ay) * c12
-        slope = covariance / across_variance
-        left = along_variance - slope * covariance
-        scale = 1 / sqrt(left) if left > EDGE_ON * along_variance else 0.0
-        gx, gy = (-ay - slope * ax) * scale, (ax - slope * ay) * scale  # residual = g . (y - h)
-        if not adds:
-            residuals[1, k] = gx * (projector_rays[k, 0] - hx - j11 * at.dx - j12 * at.dy) + gy * (
-                projector_rays[k, 1] - hy - j21 * at.dx - j22 * at.dy
-            )
-            continue
-        # d h = (I, -h) d w / depth for w = H x, so that g . d h = -p . d w with:
-        p = Vector(-gx * closeness, -gy * closeness, (gx * hx + gy * hy) * closeness)
-        turned, pulled = _cross(v, p), _dot(t, p)
-        row[0], row[1], row[2] = turned.x, turned.y, turned.z
-        row[3], row[4] = _dot(first, p) * seen.disparity, _dot(second, p) * seen.disparity
-        by_n = pulled * (1 + bend)
-        row[5], row[6], row[7] = by_n * x.x, by_n * x.y, by_n
-        for i in range(extra):
-            row[UNKNOWNS + i] = columns[i, 1, k]
-        if turns > 0:
-            qx, qy = gx * j11 + gy * j21, gx * j12 + gy * j22
-            for i in range(turns):
-                row[first_turn + i] = -qx * camera_turns[k, 0, i] - qy * camera_turns[k, 1, i]
-                row[first_turn + turns + i] = gx * projector_turns[k, 0, i] + gy * projector_turns[k, 1, i]
-        for i in range(bends.shape[1]):
-            row[first_bow + i] = pulled * seen.flat * bends[k, i]
-        if plane != last:
-            if last >= 0:
-                _flush(on_plane, blocks[last])
-            last = plane
-        _add(on_plane, blocks[plane], row, weights[1, k], 8, blocks.shape[1])
+                row[UNKNOWNS + i] = columns[i, 1, k]
+            if turns > 0:
+                qx, qy = gx[m] * j11[m] + gy[m] * j21[m], gx[m] * j12[m] + gy[m] * j22[m]
+                for i in range(turns):
+                    row[first_turn + i] = -qx * camera_turns[k, 0, i] - qy * camera_turns[k, 1, i]
+                    row[first_turn + turns + i] = gx[m] * projector_turns[k, 0, i] + gy[m] * projector_turns[k, 1, i]
+            for i in range(bends.shape[1]):
+                row[first_bow + i] = pulled * flat[m] * bends[k, i]
+            plane = plane_index[k]
+            if plane != last:
+                if last >= 0:
+                    _flush(on_plane, blocks[last])
+                last = plane
+            _add(on_plane, blocks[plane], row, weights[1, k], 8, blocks.shape[1])
     if adds:
         _flush(across, blocks[planes.shape[0]])
         if last >= 0:

@@ -9,7 +9,6 @@ from numpy.typing import ArrayLike, NDArray
 
 from retrue.errors import InputError, in_brief
 from retrue.geometry.arrays import FloatArray, finite_array, whole_numbers, whole_size
-from retrue.patterns.color_grid_code import make_code
 from retrue.ranges import require_number
 from retrue.shown import ShortRepr, Shown
 
@@ -197,6 +196,8 @@ def make_color_grid(
     white = next(
         (i for i, color in enumerate(colors) if min(color) == 255 and len(colors) >= FEWEST_WITH_LONELY_WHITE), None
     )
+    from retrue.patterns.color_grid_code import make_code  # who reads a grid needs no maker
+
     code, distance = make_code(rows, columns, len(colors), seed, lonely=white)
     # A block's sides lie between pixels: its first pixel is a whole number.
     origin = tuple((size - need) // 2 + (block - 1) / 2 for size, need in zip(projector_size, needed, strict=True))

@@ -8,7 +8,7 @@ from math import erfc, exp, log, pi, sqrt
 import numpy as np
 
 from retrue.geometry.arrays import BoolArray, FloatArray
-from retrue.geometry.robust import CUTOFF
+from retrue.geometry.robust import CUTOFF, count_between
 from retrue.geometry.two_view import FREE, Residuals
 from retrue.recalibration.fit import PoseFit
 
@@ -26,9 +26,7 @@ def without_chance(fit: PoseFit, aside: BoolArray | None) -> PoseFit:
     """
     free = fit.points.plane_index == FREE
     asked = free if aside is None else free & ~aside
-    apart = np.abs(fit.found.epipolar[asked]) / fit.epipolar_noise.level
-    near = int(np.count_nonzero(apart < AGREES))
-    beyond = int(np.count_nonzero((apart > CUTOFF) & (apart < FAR)))
+    near, beyond = count_between(fit.found.epipolar, asked, fit.epipolar_noise.level, (AGREES, CUTOFF, FAR))
     chance = max(beyond, 1) * AGREES / (FAR - CUTOFF)
     silent = aside
     if not (near > chance and near * np.log(near / chance) - (near - chance) > CHANCE_NATS):
@@ -36,7 +34,8 @@ def without_chance(fit: PoseFit, aside: BoolArray | None) -> PoseFit:
     if silent is None or not silent.any():
         return fit
     both, weights = fit.found.both.copy(), fit.robust_weights.copy()
-    both[:, silent], weights[:, silent] = np.nan, 0.0
+    np.copyto(both, np.nan, where=silent)
+    np.copyto(weights, 0.0, where=silent)
     return replace(fit, found=Residuals(both), robust_weights=weights)
 
 

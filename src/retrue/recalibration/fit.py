@@ -106,7 +106,10 @@ class PoseFit:
     @cached_property
     def weights(self) -> FloatArray:
         """(2, N) of the normal equations: robust weights over effective variances."""
-        return self.robust_weights / np.stack([self.epipolar_noise.variance, self.along_noise.variance])
+        weights = np.empty(self.robust_weights.shape)
+        for family, noise, own in zip(self.robust_weights, self.noises, weights, strict=True):
+            np.divide(family, noise.variance, out=own)
+        return weights
 
     def improved(self) -> TwoViewPose:
         """One Gauss-Newton step further."""
@@ -162,7 +165,7 @@ def evaluate(pose: TwoViewPose, support: Support, bows: PlaneBows = NO_BOWS, asi
     if freedom < 1:
         raise DegenerateError("pose: fewer measurements than unknowns; more correspondences are needed")
     levels = _levels(found, on_plane, count / freedom)
-    robust_weights = np.stack([biweights(*family) for family in zip(found.both, levels, strict=True)])
+    robust_weights = biweights(found.both, levels)
     epipolar_noise, along_noise = (
         with_shared_part(*family, BLOCKS)
         for family in zip(found.both, robust_weights, levels, support.blocks, strict=True)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Literal
+from typing import TYPE_CHECKING, Literal, Optional
 
 from retrue.errors import InputError
 from retrue.ranges import check_ranges, ranged, require_number
@@ -85,7 +85,7 @@ class RecalibrateOptions:
         Of the random samples; the same points and seed give the same answer.
     """
 
-    known_distance: KnownDistance | None = None
+    known_distance: Optional[KnownDistance] = None  # noqa: UP045 - as an `AFile | None` of the command line
     lens: LensWord | None = None
     max_error: float = ranged(0.03, 0, 1)
     min_margin: float = ranged(7.0, 0)
@@ -98,7 +98,7 @@ class RecalibrateOptions:
     principal_point_sigma_px: float = ranged(1.0, 0, 1e6, above=True)
     k1_sigma: float = ranged(1e-3, 0, 1, above=True)
     flatness_sigma: float = ranged(5e-4, 0, 1, above=True)
-    calibrated_together: bool | None = None
+    calibrated_together: Literal[True, False] | None = None
     rig_sigma_rotation_deg: float = ranged(0.02, 0, 180, above=True)
     rig_sigma_translation_deg: float = ranged(0.05, 0, 180, above=True)
     seed: int = ranged(0, 0, 2**32 - 1)

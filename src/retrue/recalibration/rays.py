@@ -113,6 +113,10 @@ def _one_a_place(capture: Correspondences, row: IntArray) -> BoolArray:
     for offset in ((0.0, 0.0), (0.5, 0.0), (0.0, 0.5), (0.5, 0.5)):  # copies lie in one cell of one of these nets
         left = np.flatnonzero(kept)
         cell = np.floor(camera[left] / (2 * reach) + offset)
+        shared = _with_others(cell)
+        if not shared.any():
+            continue
+        left, cell = left[shared], cell[shared]
         order = np.lexsort((left, noise[left], cell[:, 1], cell[:, 0]))
         left, cell = left[order], cell[order]
         first = np.append(True, (cell[1:] != cell[:-1]).any(axis=1))
@@ -120,6 +124,17 @@ def _one_a_place(capture: Correspondences, row: IntArray) -> BoolArray:
         near = [np.linalg.norm(pixels[left] - pixels[best], axis=1) < reach for pixels in (camera, projector)]
         kept[left[~first & near[0] & near[1]]] = False
     return kept
+
+
+def _with_others(cell: FloatArray) -> BoolArray:
+    """(N,) those of whole numbers (N, 2) that are there twice or more."""
+    apart: FloatArray = cell - np.min(cell, axis=0)
+    number: FloatArray = apart[:, 0] * (np.max(apart[:, 1]) + 1) + apart[:, 1]
+    ordered = np.sort(number)
+    twice = ordered[1:][ordered[1:] == ordered[:-1]]
+    if not len(twice):
+        return np.zeros(len(cell), dtype=np.bool_)
+    return twice[np.minimum(np.searchsorted(twice, number), len(twice) - 1)] == number
 
 
 def _relative_sigmas(capture: Correspondences, row: IntArray) -> tuple[FloatArray, FloatArray]:

@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from retrue.geometry.arrays import BoolArray, FloatArray, IntArray
+from retrue.geometry.arrays import BoolArray, IntArray
 from retrue.geometry.two_view import TwoViewPoints
+from retrue.kernels import surroundings as kernel
 
 CLEAR = 3.0  # sigma of a triangle's area, in both pictures
 FEWEST_TRIANGLES = 3
@@ -23,16 +24,13 @@ def turned_over(points: TwoViewPoints, neighbours: IntArray, noise: float) -> Bo
     >>> turned_over(seen, np.array([[1, 3, 5, 7]] * 9), 0.1)[4]
     np.True_
     """
-    camera, projector = (_signs(rays, neighbours, noise) for rays in (points.camera_rays, points.projector_rays))
-    signs = camera * projector
-    return (np.count_nonzero(signs < 0, axis=1) >= FEWEST_TRIANGLES) & ~(signs > 0).any(axis=1)
-
-
-def _signs(rays: FloatArray, neighbours: IntArray, noise: float) -> FloatArray:
-    """(N, pairs) of the areas of each point's triangles with two of its neighbours; 0 where noise may have made it."""
-    apart = rays[neighbours] - rays[:, None]
-    squares = (apart**2).sum(axis=2)
-    first, second = np.triu_indices(neighbours.shape[1], 1)
-    x, y = apart[..., 0], apart[..., 1]
-    area = x[:, first] * y[:, second] - y[:, first] * x[:, second]
-    return np.where(area**2 > (CLEAR * noise) ** 2 * (squares[:, first] + squares[:, second]), np.sign(area), 0.0)
+    found = np.empty(len(points), dtype=np.bool_)
+    kernel.turned_over(
+        np.ascontiguousarray(points.camera_rays),
+        np.ascontiguousarray(points.projector_rays),
+        np.ascontiguousarray(neighbours),
+        (CLEAR * noise) ** 2,
+        FEWEST_TRIANGLES,
+        found.view(np.uint8),
+    )
+    return found

@@ -95,9 +95,10 @@ def unmixing(light: FloatArray, palette: FloatArray) -> FloatArray:
 
 def _quantile(values: FloatArray, share: float) -> FloatArray:
     """(K,) the value below which that share of each column of (N, K) lies, between the two next to it."""
-    ordered, at = np.sort(values, axis=0), share * (len(values) - 1)
-    below = ordered[int(at)]
-    return below + (at - int(at)) * (ordered[min(int(at) + 1, len(values) - 1)] - below)
+    at = share * (len(values) - 1)
+    low, high = int(at), min(int(at) + 1, len(values) - 1)
+    ordered = np.partition(np.ascontiguousarray(values.T), (low, high), axis=1)  # sorting takes five times as long
+    return ordered[:, low] + (at - low) * (ordered[:, high] - ordered[:, low])
 
 
 def _nearest(seen: FloatArray, centres: FloatArray) -> tuple[IntArray, FloatArray]:

@@ -13,13 +13,16 @@ from numpy.typing import NDArray
 
 from retrue.decoding.blocks.colors import DISPLAY_GAMMA, unmixing
 from retrue.decoding.pictures import eight_bits, seen_colors, seen_levels
-from retrue.decoding.surface import lengths
+from retrue.decoding.surface import lengths, median
 from retrue.geometry.arrays import BoolArray, FloatArray, Image
+from retrue.kernels import surroundings as kernel
 from retrue.patterns.color_grid import ColorGrid
 
 REACH = 2  # blocks about one that tell of its dark channels
 SPREAD = 1.0  # of their weights, in blocks
 FARTHER = 1.4  # times the usual pitch: beyond it two blocks lie on two surfaces
+CELLS: FloatArray = np.hypot(*np.mgrid[-REACH : REACH + 1, -REACH : REACH + 1])
+NO_LESS: FloatArray = np.maximum(CELLS, 1.0)
 LIT = 0.3  # of full light: a channel that is brighter tells of the surface
 
 
@@ -61,23 +64,11 @@ def _completed(amounts: FloatArray, centre_px: FloatArray) -> FloatArray:
 
 def _mean_around(amounts: FloatArray, centre_px: FloatArray) -> FloatArray:
     """Weighted mean of what is known in the blocks around, of the same surface as far as their distance tells."""
-    rows, columns = amounts.shape[:2]
     step = np.concatenate([lengths(np.diff(centre_px, axis=axis)).ravel() for axis in (0, 1)])
-    pitch = float(np.nanmedian(step)) if np.isfinite(step).any() else np.inf
-    total, weight = np.zeros_like(amounts), np.zeros_like(amounts)
-    padded = np.pad(amounts, ((REACH, REACH), (REACH, REACH), (0, 0)), constant_values=np.nan)
-    places = np.pad(centre_px, ((REACH, REACH), (REACH, REACH), (0, 0)), constant_values=np.nan)
-    for down in range(2 * REACH + 1):
-        for right in range(2 * REACH + 1):
-            part = slice(down, down + rows), slice(right, right + columns)
-            cells = float(np.hypot(down - REACH, right - REACH))
-            near = lengths(places[part] - centre_px) <= FARTHER * max(cells, 1.0) * pitch
-            known = np.isfinite(padded[part]) & near[..., None]
-            share = np.exp(-0.5 * (cells / SPREAD) ** 2)
-            total += np.where(known, share * padded[part], 0.0)
-            weight += share * known
-    with np.errstate(invalid="ignore", divide="ignore"):
-        return total / weight
+    step = step[np.isfinite(step)]
+    pitch, mean = median(step) if len(step) else np.inf, np.empty_like(amounts)
+    kernel.mean_of_blocks(amounts, centre_px, np.exp(-0.5 * (CELLS / SPREAD) ** 2), FARTHER * NO_LESS * pitch, mean)
+    return mean
 
 
 def _dark(image: Image, black: Image | None, centre_px: FloatArray) -> FloatArray:
@@ -91,5 +82,6 @@ def _dark(image: Image, black: Image | None, centre_px: FloatArray) -> FloatArra
     gap = np.isfinite(corner_px[..., 0])
     corners = np.full((there.shape[0] + 1, there.shape[1] + 1, 3), np.inf)
     corners[1:-1, 1:-1][gap] = seen_levels(image, corner_px[gap], "image")
-    least = np.min([corners[:-1, :-1], corners[1:, :-1], corners[:-1, 1:], corners[1:, 1:]], axis=0)
+    beside = np.minimum(corners[:, :-1], corners[:, 1:])
+    least = np.minimum(beside[:-1], beside[1:])
     return np.where(np.isfinite(least), least, 0.0)

@@ -50,12 +50,11 @@ def plane_bias(
     sigma : of the plane in the cell's centre.
     whole : 1 where the window lies on one surface.
     """
-    x, y = moments["x"], moments["y"]
-    shape = np.stack([moments[name] for name in ("x", "y", "xx", "yy", "xy")])
-    whole = whole & (x * x + y * y < np.float32(CENTRED * cell) ** 2).view(np.uint8)
-    terms, bias, bent = np.empty((6, *x.shape), np.float32), np.empty_like(x), np.empty_like(whole)
-    kernel.changes(np.stack(slopes), whole, APART, 2 * APART * cell, along, terms)
-    count = kernel.bias(terms, shape, sigma, ALIKE, BEYOND_DOUBT, bias, bent)
+    room, told = np.empty((6, REACH, whole.shape[1]), np.float32), np.empty_like(whole)
+    bias, bent = np.empty(whole.shape, np.float32), np.empty_like(whole)
+    frame = APART, 2 * APART * cell, along
+    shape = moments["x"], moments["y"], moments["xx"], moments["yy"], moments["xy"], np.float32(CENTRED * cell) ** 2
+    count = kernel.bias(*slopes, whole, *frame, *shape, sigma, ALIKE, BEYOND_DOUBT, room, told, bias, bent)
     if not count > ALIKE:
         return np.zeros_like(bias)
     told = np.float32(MOST) * _sum_around((bias != 0).astype(np.float32))

@@ -211,11 +211,14 @@ def _read_axis(sequence: ArrangedSequence, plan: AxisPlan, noise: Noise) -> _Axi
 def _certain(found: _AxisReading, lit: BoolArray, plan: AxisPlan) -> BoolArray:
     """Where turns are trusted, and, where that hangs on sigma, so seen by most of the pixels around."""
     good = found.trusted & lit
-    risky = good & found.risky
-    if not risky.any():
+    risky = np.flatnonzero(good & found.risky)
+    if not len(risky):
         return good
-    around = cv2.medianBlur(np.where(good, found.px, np.float32(NOWHERE_PX)), 3)
-    return good & ~(risky & (np.abs(found.px - around) > plan.sines[0].period_px / 2))
+    seen = np.full_like(found.px, NOWHERE_PX)
+    np.copyto(seen, found.px, where=good)
+    around = np.take(cv2.medianBlur(seen, 3), risky)
+    np.put(good, risky[np.abs(np.take(found.px, risky) - around) > plan.sines[0].period_px / 2], False)
+    return good
 
 
 def _inside(found: _AxisReading, side: float) -> BoolArray:

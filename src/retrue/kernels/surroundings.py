@@ -1,0 +1,144 @@
+"""What lies around places of a picture, around the blocks of one surface, and around points in two pictures."""
+
+from __future__ import annotations
+
+import cython
+from cython.cimports.libc.math import isfinite, sqrt
+
+NAN = cython.declare(cython.double, float("nan"))
+
+Pixel = cython.fused_type(cython.uchar, cython.ushort)
+
+
+@cython.cfunc
+@cython.nogil
+@cython.inline
+@cython.exceptval(check=False)
+def _inside(place: cython.Py_ssize_t, size: cython.Py_ssize_t) -> cython.Py_ssize_t:
+    return 0 if place < 0 else size - 1 if place > size - 1 else place
+
+
+def gather(
+    pixels: cython.const[Pixel][::1],
+    height: cython.Py_ssize_t,
+    width: cython.Py_ssize_t,
+    channels: cython.Py_ssize_t,
+    places: cython.const[cython.longlong][:, ::1],
+    found: Pixel[::1],
+) -> cython.void:
+    """`found` (N 9 channels,) <- of `pixels` (height width channels,) those about each (x, y) of `places` (N, 2).
+
+    Row by row, all inside the picture: beyond its border, the pixel there.
+    """
+    cython.declare(n=cython.Py_ssize_t, i=cython.Py_ssize_t, j=cython.Py_ssize_t, k=cython.Py_ssize_t)
+    cython.declare(at=cython.Py_ssize_t, here=cython.Py_ssize_t)
+    at = 0
+    with cython.nogil:
+        for n in range(places.shape[0]):
+            column: cython.Py_ssize_t = places[n, 0]
+            row: cython.Py_ssize_t = places[n, 1]
+            for i in range(3):
+                for j in range(3):
+                    here = (_inside(row + i - 1, height) * width + _inside(column + j - 1, width)) * channels
+                    for k in range(channels):
+                        found[at] = pixels[here + k]
+                        at += 1
+
+
+def mean_levels(around: cython.const[Pixel][:, :, ::1], means: cython.double[:, ::1]) -> cython.void:
+    """`means` (N, channels) <- of pixels (N, 9, channels)."""
+    cython.declare(n=cython.Py_ssize_t, i=cython.Py_ssize_t, k=cython.Py_ssize_t)
+    with cython.nogil:
+        for n in range(around.shape[0]):
+            for k in range(around.shape[2]):
+                total = 0.0
+                for i in range(9):
+                    total += around[n, i, k]
+                means[n, k] = total / 9
+
+
+def mean_of_blocks(
+    values: cython.const[cython.double][:, :, ::1],
+    centre_px: cython.const[cython.double][:, :, ::1],
+    share: cython.const[cython.double][:, ::1],
+    farthest: cython.const[cython.double][:, ::1],
+    mean: cython.double[:, :, ::1],
+) -> cython.void:
+    """`mean` (rows, columns, 3) <- of the `values` that are finite in the blocks around each; NaN where none is.
+
+    Those (2 K + 1, 2 K + 1) away weigh `share`, none whose centre is farther than `farthest`.
+    """
+    cython.declare(r=cython.Py_ssize_t, c=cython.Py_ssize_t, i=cython.Py_ssize_t, j=cython.Py_ssize_t)
+    cython.declare(row=cython.Py_ssize_t, column=cython.Py_ssize_t, k=cython.Py_ssize_t)
+    total, weight = cython.declare(cython.double[3]), cython.declare(cython.double[3])
+    rows: cython.Py_ssize_t = values.shape[0]
+    columns: cython.Py_ssize_t = values.shape[1]
+    reach: cython.Py_ssize_t = share.shape[0] // 2
+    with cython.nogil:
+        for r in range(rows):
+            for c in range(columns):
+                for k in range(3):
+                    total[k], weight[k] = 0.0, 0.0
+                for i in range(2 * reach + 1):
+                    row = r + i - reach
+                    if not 0 <= row < rows:
+                        continue
+                    for j in range(2 * reach + 1):
+                        column = c + j - reach
+                        if not 0 <= column < columns:
+                            continue
+                        x = centre_px[row, column, 0] - centre_px[r, c, 0]
+                        y = centre_px[row, column, 1] - centre_px[r, c, 1]
+                        if not sqrt(x * x + y * y) <= farthest[i, j]:
+                            continue
+                        for k in range(3):
+                            if isfinite(values[row, column, k]):
+                                total[k] += share[i, j] * values[row, column, k]
+                                weight[k] += share[i, j]
+                for k in range(3):
+                    mean[r, c, k] = total[k] / weight[k] if weight[k] > 0 else NAN
+
+
+@cython.cfunc
+@cython.nogil
+@cython.inline
+@cython.exceptval(check=False)
+def _way(
+    rays: cython.const[cython.double][:, ::1],
+    k: cython.Py_ssize_t,
+    first: cython.Py_ssize_t,
+    second: cython.Py_ssize_t,
+    clear: cython.double,
+) -> cython.int:
+    """Which way round the triangle k, first, second runs: 1 or -1; 0 where noise may have made it."""
+    ux, uy = rays[first, 0] - rays[k, 0], rays[first, 1] - rays[k, 1]
+    vx, vy = rays[second, 0] - rays[k, 0], rays[second, 1] - rays[k, 1]
+    area = ux * vy - uy * vx
+    if not area * area > clear * ((ux * ux + uy * uy) + (vx * vx + vy * vy)):
+        return 0
+    return 1 if area > 0 else -1
+
+
+def turned_over(
+    camera_rays: cython.const[cython.double][:, ::1],
+    projector_rays: cython.const[cython.double][:, ::1],
+    neighbours: cython.const[cython.longlong][:, ::1],
+    clear: cython.double,
+    fewest: cython.Py_ssize_t,
+    found: cython.uchar[::1],
+) -> cython.void:
+    """`found` (N,) <- about which points all clear triangles with two of the neighbours (N, K) run the other way round
+    in the other picture, `fewest` at least. Clear is an area whose square is `clear` times those of its two sides.
+    """
+    cython.declare(k=cython.Py_ssize_t, i=cython.Py_ssize_t, j=cython.Py_ssize_t)
+    cython.declare(alike=cython.Py_ssize_t, other=cython.Py_ssize_t, way=cython.int)
+    with cython.nogil:
+        for k in range(neighbours.shape[0]):
+            alike, other = 0, 0
+            for i in range(neighbours.shape[1]):
+                for j in range(i + 1, neighbours.shape[1]):
+                    way = _way(camera_rays, k, neighbours[k, i], neighbours[k, j], clear)
+                    way *= _way(projector_rays, k, neighbours[k, i], neighbours[k, j], clear)
+                    alike += way > 0
+                    other += way < 0
+            found[k] = other >= fewest and alike == 0
