@@ -2,7 +2,8 @@
 
 Edges of one stripe err alike: where the camera's pixels and the stripes beat, lines of them are off together, which a
 single plane takes for the surface. Planes farther apart than their windows reach show it: on a smooth surface, third
-differences of their values are noise.
+differences of their values are noise. Where it bends more strongly, as at the rim of a ball, they are of one sign over
+some cells: what they have in common there is left out.
 """
 
 from __future__ import annotations
@@ -17,8 +18,10 @@ FloatImage = NDArray[np.float32]
 
 APART = 5  # cells from plane to plane of a difference: hardly an edge is in two windows
 THIRD = np.array([1.0, -3.0, 3.0, -1.0], np.float32)
+NEAR = 11  # cells, side of the square over which differences have a bend in common
 AROUND = 31  # cells, side of the square over which the scatter is averaged
 CLIPPED = 4.0  # sigmas: what is farther off is a step of the surface
+FARTHEST = 20.0  # sigmas: and more would hide its neighbours' common part
 BELIEF = 20.0  # differences that the planes' own word counts as
 
 
@@ -40,11 +43,14 @@ def scatter_level(value: FloatImage, variance: FloatImage, whole: NDArray[np.uin
             off += weight * value[_part(axis, place * APART, length)]
             expected += weight * weight * variance[_part(axis, place * APART, length)]
         whole_way = _all_along(whole, axis, length)
-        square = np.minimum(off * off / np.maximum(expected, np.float32(1e-12)), np.float32(CLIPPED**2))
+        off /= np.sqrt(np.maximum(expected, np.float32(1e-12)))
+        off = np.clip(off, -np.float32(FARTHEST), np.float32(FARTHEST)) * whole_way
+        off -= _sum_around(off, NEAR) / np.maximum(_sum_around(whole_way, NEAR), np.float32(1))
+        square = np.minimum(off * off, np.float32(CLIPPED**2))
         middle = _part(axis, 3 * APART // 2, length)
         total[middle] += square * whole_way
         known[middle] += whole_way
-    squares, count = (_sum_around(image) for image in (total, known))
+    squares, count = (_sum_around(image, AROUND) for image in (total, known))
     return cast(FloatImage, (squares + np.float32(BELIEF)) / (count + np.float32(BELIEF)))
 
 
@@ -61,6 +67,6 @@ def _part(axis: int, first: int, length: int) -> tuple[slice, slice]:
     return (cut, slice(None)) if axis == 0 else (slice(None), cut)
 
 
-def _sum_around(image: FloatImage) -> FloatImage:
-    square = (AROUND, AROUND)
+def _sum_around(image: FloatImage, side: int) -> FloatImage:
+    square = (side, side)
     return cast(FloatImage, cv2.boxFilter(image, cv2.CV_32F, square, normalize=False, borderType=cv2.BORDER_CONSTANT))
