@@ -17,7 +17,6 @@ from numpy.typing import NDArray
 FloatImage = NDArray[np.float32]
 
 APART = 5  # cells from plane to plane of a difference: hardly an edge is in two windows
-THIRD = np.array([1.0, -3.0, 3.0, -1.0], np.float32)
 NEAR = 11  # cells, side of the square over which differences have a bend in common
 AROUND = 31  # cells, side of the square over which the scatter is averaged
 CLIPPED = 4.0  # sigmas: what is farther off is a step of the surface
@@ -38,14 +37,12 @@ def scatter_level(value: FloatImage, variance: FloatImage, whole: NDArray[np.uin
         length = value.shape[axis] - 3 * APART
         if length <= 0:
             continue
-        off, expected = (np.zeros(whole.shape, np.float32)[_part(axis, 0, length)] for _ in range(2))
-        for place, weight in enumerate(THIRD):
-            off += weight * value[_part(axis, place * APART, length)]
-            expected += weight * weight * variance[_part(axis, place * APART, length)]
+        off, expected = _third(value, axis, length), _third_variance(variance, axis, length)
         whole_way = _all_along(whole, axis, length)
         off /= np.sqrt(np.maximum(expected, np.float32(1e-12)))
-        off = np.clip(off, -np.float32(FARTHEST), np.float32(FARTHEST)) * whole_way
-        off -= _sum_around(off, NEAR) / np.maximum(_sum_around(whole_way, NEAR), np.float32(1))
+        off = np.clip(off, -np.float32(FARTHEST), np.float32(FARTHEST), out=off)
+        off *= whole_way
+        off -= _sum_around(off, NEAR) / np.float32(NEAR**2)  # a little less beside a rim
         square = np.minimum(off * off, np.float32(CLIPPED**2))
         middle = _part(axis, 3 * APART // 2, length)
         total[middle] += square * whole_way
@@ -54,11 +51,31 @@ def scatter_level(value: FloatImage, variance: FloatImage, whole: NDArray[np.uin
     return cast(FloatImage, (squares + np.float32(BELIEF)) / (count + np.float32(BELIEF)))
 
 
+def _third(value: FloatImage, axis: int, length: int) -> FloatImage:
+    """Third differences of places `APART` apart along an array axis."""
+    a, b, c, d = (value[_part(axis, place * APART, length)] for place in range(4))
+    off = c - b
+    off *= np.float32(3)
+    off += a
+    off -= d
+    return off
+
+
+def _third_variance(variance: FloatImage, axis: int, length: int) -> FloatImage:
+    """Of such differences."""
+    a, b, c, d = (variance[_part(axis, place * APART, length)] for place in range(4))
+    total = b + c
+    total *= np.float32(9)
+    total += a
+    total += d
+    return total
+
+
 def _all_along(whole: NDArray[np.uint8], axis: int, length: int) -> FloatImage:
     """1 where all cells of a difference are whole."""
-    counts = np.insert(np.cumsum(whole, axis=axis, dtype=np.int32), 0, 0, axis=axis)
     reach = 3 * APART + 1
-    return (counts[_part(axis, reach, length)] - counts[_part(axis, 0, length)] == reach).astype(np.float32)
+    line = np.ones((reach, 1) if axis == 0 else (1, reach), np.uint8)
+    return cv2.erode(whole, line, anchor=(0, 0))[_part(axis, 0, length)].astype(np.float32)
 
 
 def _part(axis: int, first: int, length: int) -> tuple[slice, slice]:
