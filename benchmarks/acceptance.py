@@ -1,6 +1,6 @@
 """Do reported values lie within their stated uncertainty? Simulated acceptance tests of rigs with errors.
 
-    python -m benchmarks.acceptance [TESTS]
+    python -m benchmarks.acceptance [TESTS] [SEED]
 
 Each test draws a rig with errors in pose, focal lengths and distortion, a ball bar and a plate in random positions, the
 errors of the artefact's calibration, and noise of 0.03 to 0.2 px. The truth of size and spacing is what the same
@@ -122,13 +122,15 @@ def study(tests: int, seed: int = 0) -> Errors:
 
 
 def main() -> None:
-    errors = study(int(sys.argv[1]) if len(sys.argv) > 1 else 200)
+    words = [int(word) for word in sys.argv[1:]]
+    errors = study(words[0] if words else 200, words[1] if len(words) > 1 else 0)
     for quantity, pairs in errors.items():
         off, expanded = np.array(pairs).T
         share = (np.abs(off) <= expanded).mean()
         print(
             f"{quantity:<9} {len(pairs):4d} values, {share:6.1%} within their uncertainty, RMS of error over standard "
-            f"uncertainty {np.sqrt(np.mean((2 * off / expanded) ** 2)):.2f}, median U {np.median(expanded):.3f} mm"
+            f"uncertainty {np.sqrt(np.mean((2 * off / expanded) ** 2)):.2f}, mean {np.mean(2 * off / expanded):+.2f}, "
+            f"median U {np.median(expanded):.3f} mm"
         )
 
 

@@ -51,6 +51,8 @@ class Correspondences(ByValue, ShortRepr):
         column is NaN, all of it.
     camera_sigma_px, projector_sigma_px : (N,) standard deviation of each point's noise, per axis, or
         None where the decoder cannot tell. Only their ratios need to be right: jobs estimate the level.
+    projector_sigma_ratio : (N,) sigma of the projector's x over that of its y, where one is better known than the
+        other; `projector_sigma_px` is their root mean square. None: alike.
     confidence : (N,) in 0 .. 1, or None.
     colors : (N, 3) uint8 red, green, blue of the scene, or None.
     cells : (N, 2) int, (row, column) in a grid whose neighbours are neighbours on the surface: camera
@@ -75,6 +77,7 @@ class Correspondences(ByValue, ShortRepr):
     light_class: IntArray | None = None
     camera_size: tuple[int, int] | None = None
     projector_size: tuple[int, int] | None = None
+    projector_sigma_ratio: FloatArray | None = None
 
     def __post_init__(self) -> None:
         camera_px = finite_array(self.camera_px, (None, 2), "camera_px")
@@ -193,6 +196,7 @@ SIZES = ("camera_size", "projector_size")
 OPTIONAL_COLUMNS: dict[str, tuple[type[np.generic], tuple[int, ...]]] = {  # what each row is
     "camera_sigma_px": (np.float64, ()),
     "projector_sigma_px": (np.float64, ()),
+    "projector_sigma_ratio": (np.float64, ()),
     "confidence": (np.float64, ()),
     "colors": (np.uint8, (3,)),
     "cells": (np.int64, (2,)),

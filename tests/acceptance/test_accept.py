@@ -5,9 +5,11 @@ import pytest
 
 from retrue.acceptance.accept import ArtefactNotFound, FewPoints, TooSmall, accept
 from retrue.acceptance.artefact import parse_artefact
+from retrue.acceptance.fits import fit_sphere
 from retrue.acceptance.options import AcceptOptions
-from retrue.acceptance.search import find_plane
+from retrue.acceptance.search import _on_cap, find_plane
 from retrue.errors import InputError
+from retrue.geometry.sphere import sphere_through
 from retrue.geometry.transform import RigidTransform
 from retrue.reconstruction.cloud import Cloud
 from retrue.simulation.surfaces import Wall
@@ -65,6 +67,33 @@ def test_values_lie_within_their_uncertainty_in_nineteen_of_twenty(bar):
     assert len(off) == 75
     assert (np.abs(off) <= 1).mean() > 0.88  # of 95 %, less two standard errors of 75
     assert 0.35 < np.sqrt(np.mean(off**2)) < 0.65  # half of U is one sigma
+
+
+def test_noise_along_the_rays_makes_no_ball_smaller():
+    random, centre, radius = np.random.default_rng(3), np.array([20.0, 10.0, 650.0]), 22.0
+    tilt, turn = np.radians(random.uniform(0, 60, 200)), random.uniform(0, 2 * np.pi, 200)
+    normals = np.column_stack([np.sin(tilt) * np.cos(turn), np.sin(tilt) * np.sin(turn), -np.cos(tilt)])
+    X = centre + radius * normals
+    rays = X / np.linalg.norm(X, axis=1, keepdims=True)
+    noise = np.full(200, 0.4)
+    plain, fitted = [], []
+    for _ in range(100):
+        moved = X + random.normal(0, noise)[:, None] * rays
+        plain.append(sphere_through(moved).radius - radius)
+        fitted.append(fit_sphere(moved, noise, 0.0).parameters[3] - radius)
+    doubt = np.std(fitted, ddof=1) / np.sqrt(100)
+    assert np.mean(plain) < -3 * doubt
+    assert abs(np.mean(fitted)) < 3 * doubt
+
+
+def test_a_cap_is_cut_by_rays_so_that_noise_chooses_no_points():
+    centre, radius = np.array([0.0, 0.0, 600.0]), 20.0
+    tilt = np.radians(59.9)
+    rim = centre + radius * np.array([np.sin(tilt), 0.0, -np.cos(tilt)])
+    for along in (0.998, 1.0, 1.002):  # 1.2 mm off turns it about the centre by 3 degrees
+        assert _on_cap(along * rim[None], centre, radius, 60.0).all() == (np.degrees(tilt) < 60.0)
+    behind = centre + radius * np.array([np.sin(0.3), 0.0, np.cos(0.3)])
+    assert not _on_cap(behind[None], centre, radius, 60.0).any()
 
 
 def test_form_is_repeated_within_its_uncertainty(bar):

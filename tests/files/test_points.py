@@ -17,6 +17,7 @@ def some_points(count=50):
         rng.uniform(0, 1024, (count, 2)),
         camera_sigma_px=rng.uniform(0.01, 1, count),
         projector_sigma_px=rng.uniform(0.01, 1, count),
+        projector_sigma_ratio=rng.uniform(0.2, 5, count),
         confidence=rng.uniform(0, 1, count),
         colors=rng.integers(0, 256, (count, 3)).astype(np.uint8),
         cells=rng.integers(-5, 1000, (count, 2)),

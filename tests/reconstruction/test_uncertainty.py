@@ -82,6 +82,26 @@ def test_a_decoder_that_states_half_of_its_noise_is_corrected():
         np.testing.assert_allclose(inside, [0.683, 0.954, 0.997], atol=0.04)
 
 
+def test_of_two_coordinates_that_a_decoder_tells_apart_each_errs_by_its_own_sigma():
+    X, rng = scene(4)[0], np.random.default_rng(6)
+    x, y = 0.05, 0.2
+    exact = seen(X)
+    stated = {
+        "projector_sigma_px": np.full(len(X), np.sqrt((x**2 + y**2) / 2)),
+        "projector_sigma_ratio": np.full(len(X), x / y),
+    }
+    points = Correspondences(exact.camera_px, exact.projector_px + rng.normal(size=(len(X), 2)) * [x, y], **stated)
+    cloud = reconstruct(RIG, points)
+    truth = X[(points.camera_px[:, None] == cloud.camera_px).all(axis=2).argmax(axis=0)]
+    off = np.abs(along(cloud.points, truth))
+    assert np.mean(off < cloud.sigma) == pytest.approx(0.683, abs=0.03)
+    assert np.array_equal(cloud.select(np.arange(0, len(cloud), 7)).covariance("own"), cloud.covariance("own")[::7])
+    alike = reconstruct(
+        RIG, Correspondences(exact.camera_px, points.projector_px, **stated | {"projector_sigma_ratio": None})
+    )
+    assert np.mean(off < alike.sigma) > 0.8  # one sigma for both is too large along the epipolar lines
+
+
 def test_one_coordinate_rests_on_what_its_decoder_states():
     X = scene(4)[0]
     rng = np.random.default_rng(5)

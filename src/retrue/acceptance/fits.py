@@ -9,13 +9,13 @@ much less they know.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 
 from retrue.geometry.arrays import FloatArray
-from retrue.geometry.sphere import sphere_through
+from retrue.geometry.sphere import FittedSphere, sphere_through
 
 DEGREE = 4
 BLOCKS = 7  # along each side, for what neighbours share
@@ -32,6 +32,8 @@ class Element:
     ----------
     parameters : of a sphere its centre and radius (4,); of a plane its normal and distance (4,), normal . X = distance.
     covariance : (4, 4) of a sphere's parameters; of a plane only its use for the form counts.
+    noise : (N,) sigma of each point along the normal, as the residuals have it.
+    shared : variance of neighbours' sums over that of lone noise, 1 where each errs by itself.
     residuals : (N,) signed distances of the points, positive on the camera's side.
     form : range of the residuals without the outliers that the guideline allows.
     form_sigma : its standard deviation.
@@ -39,6 +41,8 @@ class Element:
 
     parameters: FloatArray
     covariance: FloatArray
+    noise: FloatArray
+    shared: float
     residuals: FloatArray
     form: float
     form_sigma: float
@@ -66,7 +70,8 @@ def fit_sphere(points: FloatArray, sigma: FloatArray | None, outliers: float) ->
     away = points - found.centre
     _, _, axes = np.linalg.svd(away - away.mean(axis=0), full_matrices=False)
     parameters = np.append(found.centre, found.radius)
-    return _element(parameters, found.residuals, away @ axes[:2].T, found.design, points, sigma, outliers)
+    element = _element(parameters, found.residuals, away @ axes[:2].T, found.design, points, sigma, outliers)
+    return replace(element, parameters=parameters - _bias_of_sphere(element, found, points))
 
 
 def fit_plane(points: FloatArray, sigma: FloatArray | None, outliers: float) -> Element:
@@ -117,7 +122,39 @@ def _element(
     for draw in range(draws):
         drawn = smooth + level * shape * random.standard_normal(len(points))
         ranges[draw] = trimmed_range(drawn - design @ (inverse @ drawn), outliers)
-    return Element(parameters, covariance, residuals, trimmed_range(residuals, outliers), float(ranges.std(ddof=1)))
+    form = trimmed_range(residuals, outliers)
+    return Element(parameters, covariance, level * shape, shared, residuals, form, float(ranges.std(ddof=1)))
+
+
+def _bias_of_sphere(element: Element, found: FittedSphere, points: FloatArray) -> FloatArray:
+    """(4,) by how much centre and radius err on average, in the second order of the noise.
+
+    Noise turns the very normals that weigh it: a point that is too far off lies nearer to the rim of the cap, too, and
+    noise along the rays makes the sphere too small, by some times sigma^2 / r. With d_i = (n_i, 1), e_i the noise of
+    a point less that of the centre, f_i what the linear fit leaves of it, P = I - n n^T,
+
+        bias = (D^T D)^-1 sum of d_i tr(P E[e e^T]) / 2 r + (P E[e f], 0) / r.
+
+    Source: Box, "Bias in nonlinear estimation", Journal of the Royal Statistical Society B 33 (1971).
+    """
+    normals, design = found.design[:, :3], found.design
+    rays = points / np.linalg.norm(points, axis=1, keepdims=True)
+    cosine = (rays * normals).sum(axis=1)
+    square = element.noise**2 / (cosine**2 + SIDEWAYS**2)  # along the ray; `_noise_across`
+    by_normal = square[:, None] * (rays * cosine[:, None] + SIDEWAYS**2 * normals)  # C n
+    inverse = np.asarray(np.linalg.pinv(design), dtype=np.float64)
+    a, V = element.shared * inverse[:3].T, element.covariance
+    lever = element.shared * (inverse.T * design).sum(axis=1)
+    along = element.noise**2
+
+    def across(vectors: FloatArray) -> FloatArray:
+        return vectors - normals * (vectors * normals).sum(axis=1, keepdims=True)
+
+    trace = square * (1 + 3 * SIDEWAYS**2) - along
+    trace -= 2 * (across(by_normal) * a).sum(axis=1)
+    trace += np.trace(V[:3, :3]) - ((normals @ V[:3, :3]) * normals).sum(axis=1)
+    turned = across(by_normal * (1 - lever)[:, None] - a * along[:, None] + design @ V[:, :3]) / found.radius
+    return inverse @ (trace / (2 * found.radius)) + np.linalg.pinv(design.T @ design)[:, :3] @ turned.sum(axis=0)
 
 
 def _noise_across(points: FloatArray, sigma: FloatArray | None, normals: FloatArray) -> FloatArray:

@@ -126,10 +126,17 @@ def _normals(points: FloatArray, reach: float) -> FloatArray:
 
 
 def _on_cap(points: FloatArray, centre: FloatArray, radius: float, cap_deg: float) -> BoolArray:
+    """Points near the sphere, whose rays meet it within so many degrees of the line to the camera.
+
+    By their rays, not by where they lie on these: of points about the cap's rim those whose noise points outwards
+    would count, the others not, and the ball would grow.
+    """
     away = points - centre
-    length = np.linalg.norm(away, axis=1)
-    cosine = -(away @ centre) / np.maximum(length * np.linalg.norm(centre), np.finfo(float).tiny)
-    return (np.abs(length - radius) < NEAR * radius) & (cosine > np.cos(np.radians(cap_deg)))
+    near = np.abs(np.linalg.norm(away, axis=1) - radius) < NEAR * radius
+    far = float(np.linalg.norm(centre))
+    sine = np.linalg.norm(np.cross(points, centre / far), axis=1) / np.linalg.norm(points, axis=1)
+    normal = np.arcsin(np.minimum(far * sine / radius, 1.0)) - np.arcsin(np.minimum(sine, 1.0))
+    return near & ((away @ centre) < 0) & (far * sine < radius) & (normal < np.radians(cap_deg))
 
 
 def _settled(points: FloatArray, centre: FloatArray, radius: float, cap_deg: float) -> FloatArray:

@@ -55,6 +55,7 @@ class _Column(NamedTuple):
 OPTIONAL = {
     "camera_sigma_px": _Field(("camera_sigma",), 0.0, np.inf, np.float64),
     "projector_sigma_px": _Field(("projector_sigma",), 0.0, np.inf, np.float64),
+    "projector_sigma_ratio": _Field(("projector_sigma_ratio",), 0.0, np.inf, np.float64),
     "confidence": _Field(("confidence",), 0.0, 1.0, np.float64),
     "colors": _Field(("red", "green", "blue"), 0, 255, np.uint8),
     "cells": _Field(("row", "column"), -1_000_000, 1_000_000, np.int64),

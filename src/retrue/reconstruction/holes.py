@@ -59,7 +59,8 @@ def _unknown_of_new(cloud: Cloud, new: int) -> dict[str, Any]:
     known = cloud.uncertainty
     if known is not None:
         camera, projector = (np.append(column, nothing) for column in (known.camera_sigma_px, known.projector_sigma_px))
-        known = replace(known, camera_sigma_px=camera, projector_sigma_px=projector)
+        ratio = None if known.projector_sigma_ratio is None else np.append(known.projector_sigma_ratio, nothing)
+        known = replace(known, camera_sigma_px=camera, projector_sigma_px=projector, projector_sigma_ratio=ratio)
     return {"sigma": None if cloud.sigma is None else np.append(cloud.sigma, nothing), "uncertainty": known}
 
 

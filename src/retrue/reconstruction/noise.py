@@ -6,6 +6,10 @@ error is one of depth, points scatter about the smooth surface that they lie on,
 it is measured how the noise goes with the decoder's own sigma, and how it grows at the rim of a surface, where
 a pixel sees two; and along it, over steps of the capture's grid, how much there is in all, and in each part of the
 picture.
+
+A decoder that tells the two coordinates of the projector apart has measured each by its own scatter, and is believed:
+across the line mostly the one errs, along it the other, and neighbours that rest on the same edges of stripes err alike
+over more than the steps of any grid, so that their differences show too little.
 """
 
 from __future__ import annotations
@@ -58,6 +62,8 @@ def point_noise(
     """
     stated = points.camera_sigma_px is not None or points.projector_sigma_px is not None
     camera, projector = stated_sigmas(points)
+    if points.projector_sigma_ratio is not None:
+        return camera, projector
     across, along = _sigmas_of_residuals(rig, points, X, camera, projector)
     both = len(points.axes) == 2
     level = np.ones(len(X))

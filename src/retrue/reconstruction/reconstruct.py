@@ -116,7 +116,7 @@ def _with_sigma(
     noise = point_noise(rig, points, cloud.points, residual_px, grid)
     if noise is None:
         return cloud, cut
-    known = Uncertainty(rig, points.axes, *noise)
+    known = Uncertainty(rig, points.axes, *noise, points.projector_sigma_ratio)
     few = np.arange(0, len(cloud), max(1, len(cloud) // FEW))
     sigma = known.along_rays(cloud.points)
     if grid is not None:

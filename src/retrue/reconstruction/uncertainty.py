@@ -32,17 +32,20 @@ class Uncertainty(ByValue):
     axes : projector coordinates that were known, as `Correspondences.axes`.
     camera_sigma_px, projector_sigma_px : (N,) one standard deviation per axis of each point's own noise; NaN of a
         point that nobody measured.
+    projector_sigma_ratio : (N,) of the projector's x over its y, whose root mean square is the other; None: alike.
     """
 
     rig: Rig
     axes: tuple[int, ...]
     camera_sigma_px: FloatArray
     projector_sigma_px: FloatArray
+    projector_sigma_ratio: FloatArray | None = None
 
     def select(self, rows: IntArray | BoolArray) -> Uncertainty:
         """The same of those points only."""
         camera, projector = self.camera_sigma_px[rows], self.projector_sigma_px[rows]
-        return replace(self, camera_sigma_px=camera, projector_sigma_px=projector)
+        ratio = None if self.projector_sigma_ratio is None else self.projector_sigma_ratio[rows]
+        return replace(self, camera_sigma_px=camera, projector_sigma_px=projector, projector_sigma_ratio=ratio)
 
     def scaled(self, level: FloatArray) -> Uncertainty:
         """The same of points that err so many times as much by themselves, (N,)."""
@@ -86,8 +89,23 @@ class Uncertainty(ByValue):
         return -B @ (pixels_by_rig(self.rig, points, self.axes) @ root)
 
     def _variances(self, part: slice) -> FloatArray:
-        camera, projector = self.camera_sigma_px[part] ** 2, self.projector_sigma_px[part] ** 2
-        return np.stack([camera, camera, *(projector for _ in self.axes)], axis=1)
+        ratio = None if self.projector_sigma_ratio is None else self.projector_sigma_ratio[part]
+        return pixel_variances(self.axes, self.camera_sigma_px[part], self.projector_sigma_px[part], ratio)
+
+
+def pixel_variances(
+    axes: tuple[int, ...], camera: FloatArray, projector: FloatArray, ratio: FloatArray | None
+) -> FloatArray:
+    """(N, 2 + len(axes)) of each point's pixels, from one sigma (N,) per axis, and the ratio of the projector's two.
+
+    >>> pixel_variances((0, 1), np.array([0.1]), np.array([0.5]), np.array([0.75])).round(2).tolist()
+    [[0.01, 0.01, 0.18, 0.32]]
+    """
+    both = [projector**2] * len(axes)
+    if ratio is not None and len(axes) == 2:
+        y = 2 * projector**2 / (1 + ratio**2)
+        both = [ratio**2 * y, y]
+    return np.stack([camera**2, camera**2, *both], axis=1)
 
 
 def rig_covariance(rig: Rig) -> FloatArray:

@@ -7,7 +7,7 @@ A plane n = a + b x + c y that is fitted in a window to a field n(x, y) which be
 m the mean place of what was fitted, from the centre, and s its moments about that mean. On a ball it is several times
 the noise, and of one sign. The second derivatives are those of the slopes from cell to cell. Where a surface is flat
 they are noise, which would only be added: a plane stays as it is unless it errs by more than its own sigma, beyond
-doubt, and so do most cells around it, and more than share its edges.
+doubt, and so do most cells around it, and more than share its edges. Where it stays, what it may err by widens sigma.
 Source: the bias of local linear regression, Ruppert and Wand, "Multivariate locally weighted least squares
 regression", Annals of Statistics 22 (1994), for a field of degree two, where it is exact.
 """
@@ -40,8 +40,10 @@ def plane_bias(
     whole: NDArray[np.uint8],
     cell: int,
     along: int,
-) -> FloatImage:
-    """By how much each cell's plane errs in the cell's centre; 0 where no neighbours tell, or where that is noise.
+) -> tuple[FloatImage, FloatImage]:
+    """By how much each cell's plane errs in the cell's centre, beyond doubt; and what else it may err by there.
+
+    Both 0 where no neighbours tell, the one where the other is not.
 
     Parameters
     ----------
@@ -56,10 +58,10 @@ def plane_bias(
     shape = moments["x"], moments["y"], moments["xx"], moments["yy"], moments["xy"], np.float32(CENTRED * cell) ** 2
     count = kernel.bias(*slopes, whole, *frame, *shape, sigma, ALIKE, BEYOND_DOUBT, room, told, bias, bent)
     if not count > ALIKE:
-        return np.zeros_like(bias)
+        return np.zeros_like(bias), bias
     told = np.float32(MOST) * _sum_around((bias != 0).astype(np.float32))
     sure = bent.view(np.bool_) & (_sum_around(bent.astype(np.float32)) > np.maximum(told, ALIKE))
-    return np.where(sure, bias, np.float32(0))
+    return np.where(sure, bias, np.float32(0)), np.where(sure, np.float32(0), bias)
 
 
 def _sum_around(image: FloatImage) -> FloatImage:

@@ -141,7 +141,9 @@ def _together(found: Sequence[Found]) -> Found:
     pixels = np.concatenate([own.pixels for own in found])
     order = np.argsort(pixels, kind="stable")
     px = {axis: np.concatenate([own.projector_px[axis] for own in found])[order] for axis in found[0].projector_px}
-    return Found(pixels[order], px, np.concatenate([own.sigma_px for own in found])[order])
+    sigma = np.concatenate([own.sigma_px for own in found])[order]
+    ratios = [own.sigma_ratio for own in found if own.sigma_ratio is not None]
+    return Found(pixels[order], px, sigma, np.concatenate(ratios)[order] if ratios else None)
 
 
 def _depths(sequence: GraySequence, thorough: bool) -> Sequence[Depth]:

@@ -23,7 +23,7 @@ from retrue.kernels import stripes as kernel
 
 FARTHEST_CODE = 0.75
 """Stripes: a pixel's own code is within half a stripe of the plane, and a little for noise."""
-SYSTEMATIC_SIGMA = 0.005
+SYSTEMATIC_SIGMA = 0.003
 """Stripes: what lens and camera leave, however many edges there are and however flat the surface."""
 
 REACH_CELLS = 13
@@ -43,16 +43,18 @@ class Depth:
 @dataclass(frozen=True, slots=True, eq=False)
 class Found:
     """The points of a band of rows: (N,) flat index into the band of each, ascending, its sub-pixel coordinates by
-    axis of the projector, and the standard deviation of either, their mean square."""
+    axis of the projector, the standard deviation of either, their root mean square, and that of x over that of y;
+    None of one axis."""
 
     pixels: NDArray[np.intp]
     projector_px: dict[int, FloatArray]
     sigma_px: FloatArray
+    sigma_ratio: FloatArray | None
 
     def none(self) -> Found:
         """Without points."""
         px = {axis: own[:0] for axis, own in self.projector_px.items()}
-        return Found(self.pixels[:0], px, self.sigma_px[:0])
+        return Found(self.pixels[:0], px, self.sigma_px[:0], None if self.sigma_ratio is None else self.sigma_ratio[:0])
 
     def placed(self, width: int, left: int, whole: int) -> Found:
         """Of pictures of that width that begin at column `left` of wider ones: in these."""
@@ -227,8 +229,12 @@ def locate(stripes: Sequence[Stripes], reading: Reading, rows: range, good: Bool
             variance,
         )
         variance *= np.float32((axis.width_px / width) ** 2)
-    sigma = np.sqrt(np.stack(variances).mean(axis=0) + np.float64(SYSTEMATIC_SIGMA**2)) * width
-    return Found(pixels, {axis.axis: px for axis, px in zip(stripes, found, strict=True)}, sigma)
+    for variance in variances:
+        variance += np.float32(SYSTEMATIC_SIGMA**2)
+    sigma = np.sqrt(np.stack(variances).mean(axis=0)) * np.float64(width)
+    by_axis = {axis.axis: own for axis, own in zip(stripes, variances, strict=True)}
+    ratio = np.sqrt(by_axis[0] / by_axis[1]) if len(by_axis) == 2 else None
+    return Found(pixels, {axis.axis: px for axis, px in zip(stripes, found, strict=True)}, sigma, ratio)
 
 
 def _rows(images: Sequence[Image], rows: slice) -> list[Image]:

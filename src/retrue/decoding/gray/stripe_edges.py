@@ -170,8 +170,10 @@ class PlaneFitter:
         value, *slopes = (np.ascontiguousarray(own[here]) for own in self._planes)
         variance, whole = np.ascontiguousarray(self._variance[here]), np.ascontiguousarray(self._whole[here])
         moments = {name: own[here] for name, own in zip(("x", "y", "xx", "yy", "xy"), self._shape, strict=True)}
-        value -= plane_bias((slopes[0], slopes[1]), moments, np.sqrt(variance), whole, self._cell, self._along)
-        self._variance[here] *= scatter_level(value, variance, whole)
+        bias, doubt = plane_bias((slopes[0], slopes[1]), moments, np.sqrt(variance), whole, self._cell, self._along)
+        value -= bias
+        doubt *= doubt
+        self._variance[here] = variance * scatter_level(value, variance + doubt, whole) + doubt
         self._planes[0][here] = value
         return PlaneFit(self._planes, self._sure, self._even, self._variance, self._cell, self._along)
 

@@ -155,7 +155,8 @@ class Points:
     ----------
     pixels : (N,) flat index into the band, ascending.
     projector_px : by axis, (N,).
-    sigma_px : (N,) of either coordinate.
+    sigma_px : (N,) of either coordinate, root mean square.
+    sigma_ratio : (N,) of x over y, or None where they are alike, or one is unknown.
     light : (N,) what the projector adds, or None.
     seen : lit pixels; rejected : those that are no points, by reason.
     """
@@ -163,6 +164,7 @@ class Points:
     pixels: NDArray[np.intp]
     projector_px: Mapping[int, FloatArray]
     sigma_px: FloatArray
+    sigma_ratio: FloatArray | None
     light: FloatArray | None
     seen: int
     rejected: Mapping[str, int]
@@ -180,7 +182,15 @@ def decode_arranged(sequence: ArrangedSequence) -> Correspondences:
             found = read_gray(gray_sequence(sequence, gray_axes), threads, thorough=sequence.thorough)
             read.append(
                 [
-                    Points(own.found.pixels, own.found.projector_px, own.found.sigma_px, None, own.seen, own.rejected)
+                    Points(
+                        own.found.pixels,
+                        own.found.projector_px,
+                        own.found.sigma_px,
+                        own.found.sigma_ratio,
+                        None,
+                        own.seen,
+                        own.rejected,
+                    )
                     for own in found
                 ]
             )
@@ -191,7 +201,9 @@ def decode_arranged(sequence: ArrangedSequence) -> Correspondences:
             noise, plans = plan_sines(sequence, sine_axes, threads)
             details |= {"noise_floor": noise.floor, "noise_gain": noise.gain}
             sines = read_sines(sequence, noise, plans, rows, threads)
-            read.append([Points(b.pixels, b.projector_px, b.sigma_px, b.light, b.seen, b.rejected) for b in sines])
+            read.append(
+                [Points(b.pixels, b.projector_px, b.sigma_px, None, b.light, b.seen, b.rejected) for b in sines]
+            )
         bands = read[0] if len(read) == 1 else [_both(*pair) for pair in zip(*read, strict=True)]
         return _assemble(sequence, bands, rows, details, threads)
 
@@ -202,8 +214,12 @@ def _both(gray: Points, sines: Points) -> Points:
     px = {axis: own[a] for axis, own in gray.projector_px.items()}
     px |= {axis: own[b] for axis, own in sines.projector_px.items()}
     sigma = np.sqrt((gray.sigma_px[a] ** 2 + sines.sigma_px[b] ** 2) / 2)
+    ratio = gray.sigma_px[a] / sines.sigma_px[b]
+    ratio = ratio if 0 in gray.projector_px else 1 / ratio
     lost = {"undecided": max(gray.seen, sines.seen) - len(pixels)}
-    return Points(pixels, px, sigma, None if sines.light is None else sines.light[b], max(gray.seen, sines.seen), lost)
+    return Points(
+        pixels, px, sigma, ratio, None if sines.light is None else sines.light[b], max(gray.seen, sines.seen), lost
+    )
 
 
 def _assemble(
@@ -219,6 +235,7 @@ def _assemble(
     camera_px, projector_px, sigma_px = np.empty((total, 2)), np.empty((total, 2)), np.empty(total)
     cells, colors = np.empty((total, 2), np.int64), np.empty((total, 3), np.uint8)
     light = np.empty(total)
+    ratio = np.empty(total) if all(band.sigma_ratio is not None for band in bands) else None
 
     colors_seen = sequence.color.reshape(height * width, *sequence.color.shape[2:])
     white, black = sequence.white.reshape(-1), sequence.black.reshape(-1)
@@ -230,6 +247,8 @@ def _assemble(
         for axis in range(2):
             projector_px[part, axis] = band.projector_px.get(axis, np.nan)
         sigma_px[part] = band.sigma_px
+        if ratio is not None:
+            ratio[part] = band.sigma_ratio
         seen = np.take(colors_seen, flat, axis=0)
         if band.light is None:
             np.subtract(np.take(white, flat), np.take(black, flat), out=light[part], dtype=np.float64)
@@ -240,12 +259,14 @@ def _assemble(
         colors[part] = seen[:, None] if seen.ndim == 1 else seen
 
     list(threads.map(fill, bands, rows, ends.tolist()))
-    for array in (camera_px, projector_px, sigma_px, light, cells, colors):
-        array.setflags(write=False)
+    for array in (camera_px, projector_px, sigma_px, ratio, light, cells, colors):
+        if array is not None:
+            array.setflags(write=False)
     return Correspondences(
         camera_px,
         projector_px,
         projector_sigma_px=sigma_px,
+        projector_sigma_ratio=ratio,
         colors=colors,
         cells=cells,
         card=_card(sequence, total, bands, details, is_mirrored(camera_px, projector_px)),
