@@ -269,7 +269,9 @@ def needless_planes(posterior: Posterior, lenses: FloatArray) -> BoolArray:
     """(P,) all planes or none: those that tell nothing of the pose, or not the truth, which no single one shows.
 
     Of photographs, whose sheets, hedges and sidings pass for planes. Such a plane bends the pose, and nothing is gained
-    by it where points alone know the pose as well in every direction, or so well that it matters no more.
+    by it where points alone know the pose as well in every direction, or so well that it matters no more. Where points
+    alone tell another pose, but leave more across their epipolar lines than with the planes, it is not planes that
+    mislead: a part of the scene has moved.
     """
     nothing = np.zeros(len(posterior.pose.planes), dtype=np.bool_)
     explained = int(np.count_nonzero(posterior.fit.explained))
@@ -285,11 +287,12 @@ def needless_planes(posterior: Posterior, lenses: FloatArray) -> BoolArray:
     except (DegenerateError, np.linalg.LinAlgError):
         return nothing
     pose, rig = posterior.pose, measured.rig
-    deviations = squared_sigmas(pose, alone.pose, _of_difference(posterior, alone, lenses))
+    if squared_sigmas(pose, alone.pose, _of_difference(posterior, alone, lenses)) > MISLED:
+        return nothing | (alone.losses[0].sum() < posterior.losses[0].sum())
     distance = working_distance(alone.fit, alone.points, float(np.linalg.norm(rig.projector_from_camera.t)))
     off = sigma_at(distance, alone.statistical_covariance, alone.pose, rig).displacement
     close = distance is not None and off is not None and off < CLOSE * distance
-    return nothing | (deviations > MISLED) | (worth < WORTH_A_PLANE) | close
+    return nothing | (worth < WORTH_A_PLANE) | close
 
 
 def _largest_ratio(covariance: FloatArray, other: FloatArray) -> float:
@@ -340,11 +343,12 @@ def better_without_planes(posterior: Posterior, noise: float, rng: np.random.Gen
 
 
 def _explains_more(alone: Posterior, posterior: Posterior) -> bool:
-    """Whether more points share the pose without planes, most of them, hardly louder."""
+    """Whether more points share the pose without planes, most of them, hardly louder. Copies of planes have another."""
     level = posterior.fit.epipolar_noise.level
     near = np.abs(epipolar_residuals(posterior.pose, posterior.points)) < CUTOFF * level
     aside = posterior.measured.aside
-    explained = int(np.count_nonzero(near if aside is None else near & ~aside))
+    copies = [part.rows for part in posterior.parts if posterior.measured.textured and part.seldom < 1]
+    explained = int(np.count_nonzero(np.any([near if aside is None else near & ~aside, *copies], axis=0)))
     enough = max(explained + FEWEST_ELSEWHERE, MOST * len(near))
     return int(np.count_nonzero(alone.fit.explained)) >= enough and alone.fit.epipolar_noise.level < MUCH_LOUDER * level
 

@@ -12,6 +12,7 @@ from retrue.errors import DegenerateError, InputError
 from retrue.geometry.arrays import BoolArray, FloatArray, IntArray, finite_array
 from retrue.geometry.transform import direction_angle, rotation_angle
 from retrue.geometry.two_view import POSE_PARAMETERS, TwoViewPose
+from retrue.recalibration.bent_planes import bent_planes
 from retrue.recalibration.bows import bow_shapes, measured_scale
 from retrue.recalibration.candidates import (
     MOST,
@@ -177,6 +178,8 @@ def judge(rig: Rig, captures: Sequence[Correspondences], options: RecalibrateOpt
         curved = curved_planes(best)
         if not curved.any():
             curved = misleading_plane(best, lens.kept)
+        if photographs and not curved.any():
+            curved = bent_planes(best)
         if photographs and not curved.any() and shifted_copy(best, unexplained(best)) is None:
             curved = needless_planes(best, lens.kept)  # without its plane, a copy would be another surface
         changed = lens.verdict == "changed"  # through another lens planes look curved
