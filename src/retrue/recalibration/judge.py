@@ -190,9 +190,8 @@ def judge(rig: Rig, captures: Sequence[Correspondences], options: RecalibrateOpt
         else:
             known = [fit for fit in free if any(same_answer(other, fit.pose) for other in posteriors)]
             free = [fit for fit in free if fit not in known or much_quieter(fit, best)]
-        if not (changed or photographs or curved.any() or free) and hidden_by_planes(best, part, tight, wide, old):
-            curved[:] = True
-        curved |= bool(free)
+        certain = changed or photographs or curved.any() or free
+        curved |= bool(free) or (not certain and hidden_by_planes(best, part, tight, wide, old))
         if not curved.any():
             break
         rays, few = rays.without_planes(curved), few.without_planes(curved)
