@@ -14,7 +14,7 @@ from retrue.geometry.two_view import FREE, TwoViewPose
 from retrue.recalibration import candidates
 from retrue.recalibration.bent_planes import bent_planes
 from retrue.recalibration.bows import bow_shapes
-from retrue.recalibration.fit import Support, refine
+from retrue.recalibration.fit import Support
 from retrue.recalibration.lens import LensPrior, changed_device, stated_prior
 from retrue.recalibration.measured import Measured
 from retrue.recalibration.posterior import Parameters, Posterior, Prior, fit_posterior, posterior_at
@@ -126,17 +126,3 @@ def test_copies_of_a_plane_are_no_points_that_only_a_pose_without_planes_explain
     alone = posterior_at(measured, right.parameters, right.prior)
     alone = replace(alone, fit=replace(alone.fit, robust_weights=np.ones((2, len(rays)))))
     assert candidates._explains_more(alone, planes) == (not textured)
-
-
-def test_what_a_lens_leaves_over_ten_captures_tell_no_better_than_one() -> None:
-    bulge = replace(CAMERA, distortion=[-0.3, 0.1, 0, 0, 0.03])  # a term that the rig's file has not
-    length = float(np.linalg.norm(POSE.t))
-    start, variances = TwoViewPose(POSE.R, POSE.t / length), {}
-    for rig in (RIG, replace(RIG, projector=bulge)):
-        captures = [photographs(0.0, seed, rig)[0] for seed in range(10)]
-        for some in (captures[:1], captures):
-            rays = rays_of_captures(RIG, some, 20_000, np.random.default_rng(0))
-            fit = refine(start, Support.of(rays), 5)
-            variances[rig is RIG, len(some)] = float(np.trace(fit.covariance))
-    assert variances[True, 10] < 0.2 * variances[True, 1]
-    assert variances[False, 10] > 0.4 * variances[False, 1]

@@ -51,7 +51,7 @@ class Support:
     Attributes
     ----------
     points : of all captures; `plane_index` runs over the planes of all.
-    blocks : (2, N) block of the picture, one of 6 x 6, and of its plane, that each point lies in; -1 on no plane.
+    blocks : (2, N) block of its picture, one of 6 x 6, and of its plane, that each point lies in; -1 on no plane.
     """
 
     points: TwoViewPoints
@@ -59,13 +59,9 @@ class Support:
 
     @classmethod
     def of(cls, rays: Rays) -> Support:
-        """Number the blocks over the points of all captures, and over those of each plane.
-
-        What a lens leaves over lies at the same places of all pictures: ten captures tell no more of it than one.
-        """
+        """Number the blocks over the points of each capture, and over those of each plane."""
         x, plane = rays.points.camera_rays, rays.points.plane_index
-        picture = np.zeros(len(x), dtype=np.int64)
-        return cls(rays.points, np.stack([grid_blocks(x, picture, BLOCKS), grid_blocks(x, plane, BLOCKS)]))
+        return cls(rays.points, np.stack([grid_blocks(x, rays.capture, BLOCKS), grid_blocks(x, plane, BLOCKS)]))
 
     def each_alone(self) -> Support:
         """The same with a block for each point: none shares its error."""

@@ -114,8 +114,10 @@ def untold_misfit(measured: Measured) -> float:
     """What real lenses leave, px, beyond what the scatter of B blocks tells: m sqrt(n / (n + B - p)), p unknowns.
 
     The shared noise of a fit holds that scatter; what its own unknowns took up of it, and few blocks tell nothing of,
-    is believed to be as other lenses have it.
+    is believed to be as other lenses have it; so is all of it for photographs, whose matches lie where texture is.
     """
+    if measured.textured:
+        return MISFIT_PX
     blocks = np.unique(measured.support.blocks[0])
     told = max(len(blocks) - POSE_PARAMETERS - 2 * LENS_PARAMETERS, 0)
     return MISFIT_PX * float(np.sqrt(BELIEVED_BLOCKS / (BELIEVED_BLOCKS + told)))
