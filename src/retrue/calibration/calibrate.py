@@ -31,6 +31,7 @@ from retrue.calibration.reasons import (
 )
 from retrue.calibration.result import Calibrated, RefusedCalibration, fitted_views
 from retrue.calibration.setup import Setup
+from retrue.calibration.square_pixels import with_square_pixels
 from retrue.calibration.uncertainty import normal_spread_deg, predicted_error
 from retrue.calibration.views import BoardCapture, Capture, LeftOut, Progress, StereoCapture, picture_size, see_views
 from retrue.errors import CaptureError, DegenerateError, InputError, require_kind, require_kinds
@@ -135,7 +136,7 @@ def _solve(
         dropped += counts
         groups = observation_groups(views, options.dense)
         fit = adjust(fit.setup, groups, fit.active, scales=fit.scales)
-    fit = with_honest_covariance(fit, groups, fixed)
+    fit, choices = with_square_pixels(with_honest_covariance(fit, groups, fixed), groups, choices)
     if known[1] is None:
         fit = replace(fit, setup=squared(fit.setup, unknown, views))
     return _Solution(fit, choices, views, dropped.tolist())
