@@ -80,8 +80,9 @@ def lens_evidence(
     if gain > DOUBTFUL_GAIN or elsewhere or apart is not None or moved > FAR_MOVE_DEG:
         real, free = replace(measured, misfit=untold_misfit(measured)), Prior(wide, free=True)
         starts = [(best.parameters, 30)]
-        with suppress(DegenerateError):
-            starts.append((_drawn_in(real, best.parameters, free), 30))
+        if not measured.textured:  # what photographs' lenses leave over looks like another lens, a little further off
+            with suppress(DegenerateError):
+                starts.append((_drawn_in(real, best.parameters, free), 30))
         if apart is not None:
             starts.append((apart, 30))
         if elsewhere or moved > FAR_MOVE_DEG:  # through other lenses, another pose may be it
@@ -91,12 +92,10 @@ def lens_evidence(
         for start, iterations in starts:
             with suppress(DegenerateError):
                 fits.append(fit_posterior(real, start, free, iterations))
-        rivals = [least(fits, measured), *(fit for fit in fits if fit.fit.explained.sum() > best.fit.explained.sum())]
-        rivals = [fit for k, fit in enumerate(rivals) if not any(same_pose(fit.pose, one.pose) for one in rivals[:k])]
-        gains = [_gain(real, best, fit, tight, part) for fit in rivals]
-        posterior, gain = rivals[int(np.argmax(gains))], max(gains)
+        posterior = least(fits, measured)
         others = tuple(fit for fit in fits if not same_pose(fit.pose, posterior.pose))
-        gain += 2 * (move_nats(moved) - move_nats(move_deg(posterior.pose, old)))
+        nearer = 2 * (move_nats(moved) - move_nats(move_deg(posterior.pose, old)))
+        gain = _gain(real, best, posterior, tight, part) + nearer
         change, covariance = posterior.parameters.lens, posterior.lens_covariance
     sigma = np.sqrt(np.diag(covariance))
     determined = bool((sigma[FOCAL] <= KNOWN_FOCAL).all())
@@ -128,6 +127,8 @@ def _with_each_alone(measured: Measured, best: Posterior, tight: LensPrior, wide
 
     What other lenses do to a pose looks like an error that neighbours share.
     """
+    if len(best.pose.planes) and measured.textured:
+        return None
     alone = replace(measured, support=measured.support.each_alone())
     if not _asked(posterior_at(alone, best.parameters, best.prior), tight, wide)[2] > CHANGED_GAIN:
         return None
