@@ -114,7 +114,8 @@ def write_rig(path: str | Path, rig: Rig, to: str = "retrue") -> tuple[str, ...]
     path = require_path(path, "write_rig(path, rig)")
     require_rig(rig)
     content, lost = rig_to_json(rig), tuple[str, ...]()
-    if not isinstance(to, str) or to != "retrue":
+    require_kind(to, str, "format")
+    if to != "retrue":
         from retrue.files.foreign_rigs import RIG_FORMATS, rig_text
 
         require_choice(to, RIG_FORMATS, "format")
