@@ -153,14 +153,17 @@ def test_the_command_prints_its_address_and_ends_cleanly(files, stop):
     with subprocess.Popen(
         [sys.executable, "-c", program, *arguments], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
     ) as process:
-        assert process.stderr is not None
-        line = process.stderr.readline()
-        found = re.fullmatch(r"look at (http://127\.0\.0\.1:\d+); Ctrl-C ends it\n", line)
-        assert found, line + process.stderr.read()
-        with urllib.request.urlopen(found.group(1)) as page:
-            assert page.status == 200
-        process.send_signal(stop)
-        out, err = process.communicate(timeout=30)
+        try:
+            assert process.stderr is not None
+            line = process.stderr.readline()
+            found = re.fullmatch(r"look at (http://127\.0\.0\.1:\d+); Ctrl-C ends it\n", line)
+            assert found, line + process.stderr.read()
+            with urllib.request.urlopen(found.group(1)) as page:
+                assert page.status == 200
+            process.send_signal(stop)
+            out, err = process.communicate(timeout=30)
+        finally:
+            process.kill()  # one that goes on would be waited for
     assert process.returncode == 0, err
     assert json.loads(out) == {"address": found.group(1), "notes": []}
 
