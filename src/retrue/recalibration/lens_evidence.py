@@ -125,7 +125,8 @@ def untold_misfit(measured: Measured) -> float:
 def _with_each_alone(measured: Measured, best: Posterior, tight: LensPrior, wide: LensPrior) -> Parameters | None:
     """Where free lenses lead the pose if each point errs by itself; None where they gain nothing.
 
-    What other lenses do to a pose looks like an error that neighbours share.
+    What other lenses do to a pose looks like an error that neighbours share; beside planes, so does what photographs'
+    lenses leave over, and those are not asked.
     """
     if len(best.pose.planes) and measured.textured:
         return None
