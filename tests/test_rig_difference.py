@@ -54,6 +54,17 @@ def test_a_changed_focal_length_moves_points_too():
     assert rig_difference(RIG, replace(RIG, camera=zoomed), 1000.0).displacement > 1
 
 
+def test_what_a_lens_model_folds_into_its_picture_is_not_lit():
+    """A camera that sees far beyond the projector's picture, where its lens model turns back."""
+    wide = Camera((640, 480), [[230, 0, 319.5], [0, 230, 239.5], [0, 0, 1]])
+    bent = Camera((640, 480), CAMERA.K, [-0.3, 0, 0, 0, 0])
+    straight = replace(RIG, camera=wide)
+    expected = rig_difference(straight, turned([0, 1e-3, 0], straight), 1000.0).displacement
+    folded = replace(straight, projector=bent)
+    assert bent.contains(bent.project([1.8, 0.0, 1.0]))
+    assert rig_difference(folded, turned([0, 1e-3, 0], folded), 1000.0).displacement == pytest.approx(expected, rel=0.1)
+
+
 @pytest.mark.parametrize(
     ("other", "distance", "message"),
     [

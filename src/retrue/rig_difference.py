@@ -109,9 +109,8 @@ def pixel_displacement(rig: Rig, distance: float) -> float:
 def _seen_at(rig: Rig, distance: float) -> tuple[FloatArray, FloatArray]:
     """Points (N, 3) at that depth and their projector pixels (N, 2): of those that this sees, where it sees any."""
     points = _points_at(rig.camera, distance)
-    seen = rig.projector.project(rig.projector_from_camera.apply(points))
-    with np.errstate(invalid="ignore"):
-        lit = rig.projector.contains(seen)
+    there = rig.projector_from_camera.apply(points)
+    seen, lit = rig.projector.project(there), rig.projector.sees(there)
     return (points[lit], seen[lit]) if lit.any() else (points, seen)  # else it works at another distance
 
 

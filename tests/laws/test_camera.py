@@ -134,3 +134,15 @@ def test_stacks_of_rays_are_rays(length: int) -> None:
             (camera.ray_jacobian(stack), camera.ray_jacobian(RAYS)),
         ):
             assert np.array_equal(answer, flat.reshape(4, -1, *flat.shape[1:]))
+
+
+@LENGTHS
+def test_a_point_is_seen_where_its_pixel_is_in_the_picture(length: int) -> None:
+    for camera in cameras(length):
+        points = np.column_stack([RAYS, np.ones(len(RAYS))])
+        inside = camera.contains(camera.project(points))
+        assert inside.any()
+        assert not inside.all()
+        assert (camera.sees(7 * points.reshape(2, -1, 3)) == inside.reshape(2, -1)).all()
+        assert not camera.sees(-points).any()
+        assert bool(camera.sees(points[0])) == inside[0]

@@ -114,8 +114,8 @@ def predicted_error(fit: Adjusted) -> PredictedError:
     camera_px = np.stack([x.ravel(), y.ravel()], axis=-1)
     rays = camera.unproject(camera_px)
     points = np.concatenate([rays, np.ones((len(rays), 1))], axis=1) * distance
-    projector_px = projector.project(setup.second_from_first.apply(points))
-    both = projector.contains(projector_px) & np.isfinite(rays).all(axis=1)
+    there = setup.second_from_first.apply(points)
+    projector_px, both = projector.project(there), projector.sees(there) & np.isfinite(rays).all(axis=1)
     if not both.any():
         return PredictedError(float("nan"), distance, allowance)
     camera_px, projector_px = camera_px[both], projector_px[both]

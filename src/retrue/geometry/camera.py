@@ -16,6 +16,7 @@ from retrue.shown import ShortRepr, Shown, vector
 from retrue.values import ByValue
 
 DISTORTION_LENGTHS = (0, 4, 5, 8, 12)
+SAME_RAY = 1e-6  # rounding is far below, another side of a fold far above
 
 
 @dataclass(frozen=True, slots=True, eq=False, repr=False)
@@ -141,6 +142,24 @@ class Camera(ByValue, ShortRepr):
         pixels = np.asarray(pixels, dtype=np.float64)
         inside = (pixels >= -margin) & (pixels <= np.array(self.size) - 1 + margin)
         return inside[..., 0] & inside[..., 1]
+
+    def sees(self, points: ArrayLike) -> BoolArray:
+        """Which points (..., 3) of the camera's frame are in its picture; not those that the lens model folds into it.
+
+        Beyond its picture a lens model may turn back, and so has points far outside at pixels whose rays are others.
+
+        >>> camera = Camera((640, 480), [[500, 0, 320], [0, 500, 240], [0, 0, 1]], [-0.2, 0, 0, 0, 0])
+        >>> camera.project([[2.2, 0, 1]]).round(1).tolist(), camera.sees([[0.6, 0, 1], [2.2, 0, 1]]).tolist()
+        ([[355.2, 240.0]], [True, False])
+        """
+        points = np.asarray(points, dtype=np.float64)
+        pixels = self.project(points)
+        with np.errstate(invalid="ignore"):
+            seen = np.asarray(self.contains(pixels))
+        if self.distortion.any():
+            rays = points[seen][..., :2] / points[seen][..., 2:]
+            seen[seen] = (np.abs(self.unproject(pixels[seen]) - rays) <= SAME_RAY * (1 + np.abs(rays))).all(axis=-1)
+        return seen
 
     def _distortion_terms(self, x: FloatArray, y: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
         k1, k2, p1, p2, k3 = self.distortion[:5]

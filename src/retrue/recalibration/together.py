@@ -44,8 +44,8 @@ def pose_with_lenses(rig: Rig, distance: float, lenses: LensPrior) -> FloatArray
     known = np.isfinite(rays).all(axis=1)
     ahead = np.column_stack([rays[known], np.ones(int(known.sum()))])
     points = np.concatenate([ahead * depth * distance for depth in DEPTHS])
-    seen = rig.projector.project(rig.projector_from_camera.apply(points))
-    both = rig.projector.contains(np.nan_to_num(seen, nan=-9.0))
+    there = rig.projector_from_camera.apply(points)
+    seen, both = rig.projector.project(there), rig.projector.sees(there)
     rng = np.random.default_rng(0)
     camera_px = np.tile(pixels[known], (len(DEPTHS), 1))[both]
     noisy = [px + rng.normal(0, NOISE_PX, px.shape) for px in (camera_px, seen[both])]

@@ -82,8 +82,7 @@ def _at(rig: Rig, distance: float, noise_px: float) -> DistanceError:
     across, down = (np.linspace(0, side - 1, count) for side, count in zip(rig.camera.size, RAYS, strict=True))
     rays = rig.camera.unproject(np.stack(np.meshgrid(across, down), axis=-1).reshape(-1, 2))
     points = np.column_stack([rays, np.ones(len(rays))])[np.isfinite(rays).all(axis=1)] * distance
-    with np.errstate(invalid="ignore"):
-        lit = rig.projector.contains(rig.projector.project(rig.projector_from_camera.apply(points)))
+    lit = rig.projector.sees(rig.projector_from_camera.apply(points))
     seen = points[lit]
     if not len(seen):
         return DistanceError(distance, 0.0, *(float("nan"),) * 4)
