@@ -5,7 +5,7 @@ import pytest
 
 from retrue.errors import DegenerateError, InputError
 from retrue.geometry.homography import apply_homography, fit_homography
-from retrue.geometry.robust_homography import fit_homography_robust
+from retrue.geometry.robust_homography import fit_homography_robust, local_noise
 
 TRUTH = np.array([[1.1, 0.05, 0.2], [-0.1, 0.95, -0.1], [0.3, -0.2, 1.0]])
 
@@ -84,3 +84,15 @@ def test_matches_by_chance_are_refused() -> None:
         fit_homography_robust(np.ones((7, 2)), np.ones((7, 2)))
     with pytest.raises(InputError):
         fit_homography_robust(np.ones((20, 2)), np.ones((20, 2)), noise=float("nan"))
+
+
+@pytest.mark.parametrize(("rows", "noise"), [(5, 3e-4), (12, 3e-4), (1, 0.0)])
+def test_points_on_rows_that_lie_far_apart_tell_their_noise(rows: int, noise: float) -> None:
+    """All neighbours of one are in its own row, and a line has no affine map; of fewer points they are farther away,
+    where the map is no more affine. One row alone tells nothing.
+    """
+    rng = np.random.default_rng(3)
+    x, y = np.meshgrid(np.linspace(-0.3, 0.3, 600), np.linspace(-0.3, 0.3, rows))
+    source = np.column_stack([x.ravel(), y.ravel()])
+    target = apply_homography(TRUTH, source) + rng.normal(0, 3e-4, source.shape)
+    assert 0.5 * noise <= local_noise(source, target, rng) <= 4 * noise

@@ -64,3 +64,16 @@ def test_a_covariance_too_large_for_a_float(tmp_path):
     (tmp_path / "rig.json").write_text(text)
     with pytest.raises(InputError, match="covariance"):
         verify(read_rig(tmp_path / "rig.json"), [points()])
+
+
+@pytest.mark.parametrize(("every", "verdict"), [(150, "good"), (10_000, "unknown")])
+def test_rows_of_pixels_that_lie_far_apart_are_answered(every, verdict):
+    """As of a dense code of which somebody kept every so manyth row: neighbours of a point are on one line with it."""
+    across, down = np.meshgrid(np.arange(100.0, 1180.0, 2.0), np.arange(100.0, 860.0, every))
+    pixels = np.column_stack([across.ravel(), down.ravel()])
+    rays = np.column_stack([(pixels - CAMERA.K[:2, 2]) / 1600, np.ones(len(pixels))])
+    straight = Camera(CAMERA.size, [[1600, 0, 640], [0, 1600, 480], [0, 0, 1]])
+    rays *= (1.6 / (rays @ np.array([0.25, 0.1, 1.0])) * np.where(pixels[:, 0] < 500, 0.8, 1.0))[:, None]
+    noisy = straight.project(POSE.apply(rays)) + np.random.default_rng(0).normal(0, 0.05, pixels.shape)
+    rig = Rig(straight, straight, POSE, "m", RIG.evidence)
+    assert verify(rig, [Correspondences(pixels, noisy)]).verdict == verdict

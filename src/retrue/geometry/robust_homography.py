@@ -39,6 +39,7 @@ FEW_POINTS, NARROW = 50, 0.3  # below, it is asked whether another plane holds i
 STEPS, FINAL_STEPS = 4, 10  # from a wide reach: near the optimum, and to it
 LARGEST_SCATTER = 0.45  # of the cutoff, RMS; points that fill the band by chance have 0.58
 NEIGHBOURS, SEEDS, TRIPLETS = 12, 64, 20
+THINNED = 4  # to one of so many points
 TRIPLET_CONSISTENCY = 1.16  # of the third smallest of nine errors, for independent normal noise (by simulation)
 
 
@@ -151,16 +152,21 @@ def local_noise(camera_rays: FloatArray, projector_rays: FloatArray, rng: np.ran
 
     In each of many neighbourhoods, the affine map of three points that the others agree with best: outliers, up
     to half of the points, and depth edges do not matter. Neighbours whose noise is correlated (a smoothed dense
-    code) make it too small; it is a start, not a result.
+    code) make it too small; it is a start, not a result. Neighbours on one line, as of pixel rows that lie far apart,
+    have no affine map: then fewer points, whose neighbours are of several. 0 where nothing tells.
     """
-    count = len(camera_rays)
-    if count < NEIGHBOURS:
-        return 0.0
-    seeds = rng.choice(count, min(SEEDS, count), replace=False)
-    triplets = rng.permuted(np.tile(np.arange(NEIGHBOURS), (TRIPLETS, 1)), axis=1)[:, :3]
-    scatter = np.empty(len(seeds))
-    kernel.local_scatter(camera_rays, projector_rays, seeds, np.ascontiguousarray(triplets), scatter)
-    return float(np.sqrt(quantile(scatter, 0.5))) * TRIPLET_CONSISTENCY
+    x, y = camera_rays, projector_rays
+    while len(x) >= NEIGHBOURS:
+        seeds = rng.choice(len(x), min(SEEDS, len(x)), replace=False)
+        triplets = rng.permuted(np.tile(np.arange(NEIGHBOURS), (TRIPLETS, 1)), axis=1)[:, :3]
+        scatter = np.empty(len(seeds))
+        kernel.local_scatter(x, y, seeds, np.ascontiguousarray(triplets), scatter)
+        noise = float(np.sqrt(quantile(scatter, 0.5))) * TRIPLET_CONSISTENCY
+        if np.isfinite(noise):
+            return noise
+        kept = rng.choice(len(x), len(x) // THINNED, replace=False)
+        x, y = x[kept], y[kept]
+    return 0.0
 
 
 def largest_plane(
