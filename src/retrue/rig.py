@@ -6,7 +6,9 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
-from retrue.errors import require_kind
+import numpy as np
+
+from retrue.errors import DegenerateError, require_kind
 from retrue.geometry.camera import Camera
 from retrue.geometry.transform import RigidTransform
 from retrue.shown import ShortRepr, Shown, in_space
@@ -51,3 +53,12 @@ class Rig(ByValue, ShortRepr):
 def require_rig(value: object) -> None:
     """An `InputError` that says what to hand in where `value` is no `Rig`."""
     require_kind(value, Rig, "rig", "retrue.read_rig reads one")
+
+
+def require_baseline(rig: Rig) -> None:
+    """A `DegenerateError` where the rig's devices coincide: t = 0 has no direction, and gives no scale."""
+    if not np.linalg.norm(rig.projector_from_camera.t) > 0:
+        raise DegenerateError(
+            "rig: expected a baseline, found t = 0, as if camera and projector were at one place; give t roughly, as"
+            " measured: its length is the scale"
+        )

@@ -13,7 +13,7 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from retrue import Camera, Correspondences, Rig, RigidTransform, read_rig, recalibrate, reconstruct, verify
-from retrue.errors import InputError, RetrueError
+from retrue.errors import DegenerateError, InputError, RetrueError
 from retrue.files.rig_json import rig_from_json, rig_to_json
 
 CAMERA = Camera((1280, 960), [[1600, 0, 640], [0, 1602, 480], [0, 0, 1]], [-0.1, 0.05, 4e-4, -3e-4, 0])
@@ -77,3 +77,14 @@ def test_rows_of_pixels_that_lie_far_apart_are_answered(every, verdict):
     noisy = straight.project(POSE.apply(rays)) + np.random.default_rng(0).normal(0, 0.05, pixels.shape)
     rig = Rig(straight, straight, POSE, "m", RIG.evidence)
     assert verify(rig, [Correspondences(pixels, noisy)]).verdict == verdict
+
+
+@pytest.mark.parametrize("length", [0.0, 1e-200])
+@pytest.mark.parametrize(
+    "job", [lambda rig, seen: recalibrate(rig, [seen]), lambda rig, seen: verify(rig, [seen]), reconstruct]
+)
+def test_devices_at_one_place(job, length):
+    """As where somebody left zeros for a pose that nobody knows yet."""
+    rig = Rig(CAMERA, CAMERA, RigidTransform(POSE.R, [length, 0, 0]))
+    with pytest.raises(DegenerateError, match=r"expected a baseline, found t = 0.*give t roughly"):
+        job(rig, points())

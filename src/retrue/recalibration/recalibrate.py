@@ -30,7 +30,7 @@ from retrue.recalibration.result import (
     working_distance,
 )
 from retrue.recalibration.scale import translation_length
-from retrue.rig import Rig, require_rig
+from retrue.rig import Rig, require_baseline, require_rig
 
 
 def recalibrate(
@@ -54,10 +54,12 @@ def recalibrate(
     ------
     CaptureError : captures of other rasters than the rig's: `check_rasters`.
     InputError : no captures, or a known distance that the captures cannot give.
+    DegenerateError : the rig's devices coincide (t = 0).
 
     Source: Zhang, Li, Wu 2007, section 3.
     """
     require_rig(rig)
+    require_baseline(rig)
     require_captures(captures)
     check_captures(rig, captures)
     options = options or RecalibrateOptions()

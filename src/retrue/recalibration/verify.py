@@ -32,7 +32,7 @@ from retrue.recalibration.reasons import (
     reason_of,
 )
 from retrue.recalibration.result import BANDS, Band, Verification, change, rms, sigma_at, working_distance
-from retrue.rig import Rig, require_rig
+from retrue.rig import Rig, require_baseline, require_rig
 
 
 def verify(rig: Rig, captures: Sequence[Correspondences], options: VerifyOptions | None = None) -> Verification:
@@ -45,9 +45,11 @@ def verify(rig: Rig, captures: Sequence[Correspondences], options: VerifyOptions
     ----------
     rig, captures : as in `recalibrate`.
 
-    Raises InputError where there are no captures, CaptureError where their rasters are not the rig's.
+    Raises InputError where there are no captures, CaptureError where their rasters are not the rig's, DegenerateError
+    where the rig's devices coincide (t = 0).
     """
     require_rig(rig)
+    require_baseline(rig)
     require_captures(captures)
     check_captures(rig, captures)
     options = options or VerifyOptions()

@@ -27,7 +27,7 @@ from retrue.reconstruction.rim import find_rim
 from retrue.reconstruction.smooth import smoothed
 from retrue.reconstruction.surface_grid import SurfaceGrid, surface_grid
 from retrue.reconstruction.uncertainty import Uncertainty, unstated
-from retrue.rig import Rig, require_rig
+from retrue.rig import Rig, require_baseline, require_rig
 
 FEW = 500  # points that tell what all have in common
 FINEST_RESIDUAL_PX = 0.01  # rays that pass each other by less than this are no outliers, whatever the rest do
@@ -69,8 +69,7 @@ def reconstruct(rig: Rig, points: Correspondences, options: ReconstructOptions |
     check_rasters(rig, points)
     options = ReconstructOptions() if options is None else options
     require_kind(options, ReconstructOptions, "options")
-    if not np.linalg.norm(rig.projector_from_camera.t) > 0:
-        raise DegenerateError("rig: expected a baseline, found t = 0: camera and projector coincide, so no depth")
+    require_baseline(rig)
     steps = quantisation_px(points)
     if any(steps):
         points = replace(points, projector_px=between_readings(points, steps))
