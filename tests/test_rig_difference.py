@@ -77,3 +77,17 @@ def test_what_a_lens_model_folds_into_its_picture_is_not_lit():
 def test_rigs_that_cannot_be_compared(other, distance, message):
     with pytest.raises(InputError, match=message):
         rig_difference(RIG, other, distance)
+
+
+def test_a_patch_of_light_between_a_few_rays_is_measured_where_it_is():
+    """A projector of narrow view lights a thousandth of the picture, between the rays of a coarse grid."""
+    narrow = Camera((64, 48), [[9000, 0, 31.5], [0, 9000, 23.5], [0, 0, 1]])
+    aside = RigidTransform.from_rotation_vector([0.0, -0.13, 0.0], [0.0, 0, 0]) @ RIG.projector_from_camera
+    spot = replace(RIG, projector=narrow, projector_from_camera=aside)
+    found = rig_difference(spot, turned([0, 1e-3, 0], spot), 1000.0).displacement
+    assert found == pytest.approx(np.radians(1e-3) * 1000.0**2 / 100.0, rel=0.1)
+
+
+def test_rays_that_no_longer_meet_are_infinitely_far_off():
+    found = rig_difference(RIG, replace(RIG, projector_from_camera=RigidTransform(np.eye(3), [0.0, 0, 0])), 1000.0)
+    assert found.displacement == np.inf

@@ -14,7 +14,7 @@ from retrue.geometry.transform import RigidTransform, direction_angle, rotation_
 from retrue.geometry.triangulation import triangulate
 from retrue.rig import Rig
 
-GRID = (17, 13)  # rays across and down the camera picture
+GRID, FINE_GRID = (17, 13), (129, 97)  # rays across and down the camera picture
 
 
 @dataclass(frozen=True, slots=True)
@@ -27,7 +27,8 @@ class RigDifference:
     translation : length of the difference of the two t.
     length : by how much |t| grew.
     working_distance : depth in the camera frame at which the scene was assumed; None where nobody knows it.
-    displacement : RMS over the picture of how far a point at that depth lands elsewhere. NaN where it lands nowhere.
+    displacement : RMS over the picture of how far a point at that depth lands elsewhere. Infinite where rays do not
+        meet, NaN where the projector lights nothing.
     """
 
     rotation_deg: float
@@ -80,10 +81,16 @@ def displacement_rms(first: Rig, second: Rig, poses: Sequence[RigidTransform], d
 def _rms_from(
     points: FloatArray, pose: RigidTransform, rig: Rig, camera_rays: FloatArray, projector_rays: FloatArray
 ) -> float:
-    """How far from those points (N, 3) their rays meet in a pose, measured with the devices of that rig."""
+    """How far from those points (N, 3) their rays meet in a pose, measured with the devices of that rig.
+
+    Infinite where they do not meet, NaN where there is no point.
+    """
+    if not len(points):
+        return float("nan")
     sigmas = {"camera_sigma": 1 / rig.camera.K[0, 0], "projector_sigma": 1 / rig.projector.K[0, 0]}
     moved = triangulate(pose, camera_rays, projector_rays, **sigmas)
-    return float(np.sqrt(((moved - points) ** 2).sum(axis=1).mean()))
+    squares = ((moved - points) ** 2).sum(axis=1)
+    return float(np.sqrt(np.where(np.isfinite(squares), squares, np.inf).mean()))
 
 
 def pixel_displacement(rig: Rig, distance: float) -> float:
@@ -108,16 +115,20 @@ def pixel_displacement(rig: Rig, distance: float) -> float:
 
 def _seen_at(rig: Rig, distance: float) -> tuple[FloatArray, FloatArray]:
     """Points (N, 3) at that depth and their projector pixels (N, 2): of those that this sees, where it sees any."""
-    points = _points_at(rig.camera, distance)
-    there = rig.projector_from_camera.apply(points)
-    seen, lit = rig.projector.project(there), rig.projector.sees(there)
-    return (points[lit], seen[lit]) if lit.any() else (points, seen)  # else it works at another distance
+    for grid in (GRID, FINE_GRID):  # a small patch of light lies between a few rays
+        points = _points_at(rig.camera, distance, grid)
+        there = rig.projector_from_camera.apply(points)
+        seen, lit = rig.projector.project(there), rig.projector.sees(there)
+        if lit.any():
+            return points[lit], seen[lit]
+    reached = np.isfinite(rig.projector.unproject(seen)).all(axis=1)
+    return points[reached], seen[reached]  # it works at another distance
 
 
-def _points_at(camera: Camera, distance: float) -> FloatArray:
+def _points_at(camera: Camera, distance: float, grid: tuple[int, int]) -> FloatArray:
     """Points (N, 3) at that depth, evenly over the picture."""
     across, down = np.meshgrid(
-        *(np.linspace(0, side - 1, count) for side, count in zip(camera.size, GRID, strict=True))
+        *(np.linspace(0, side - 1, count) for side, count in zip(camera.size, grid, strict=True))
     )
     rays = camera.unproject(np.column_stack([across.ravel(), down.ravel()]))
     rays = rays[np.isfinite(rays).all(axis=1)]

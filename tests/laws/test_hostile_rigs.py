@@ -88,3 +88,13 @@ def test_devices_at_one_place(job, length):
     rig = Rig(CAMERA, CAMERA, RigidTransform(POSE.R, [length, 0, 0]))
     with pytest.raises(DegenerateError, match=r"expected a baseline, found t = 0.*give t roughly"):
         job(rig, points())
+
+
+def test_an_exchange_puts_no_pixel_outside_its_raster(recwarn):
+    """Points of another rig's picture, of which hardly one could be the other device's, are not taken for exchanged."""
+    small = Camera((64, 48), [[80, 0, 31.5], [0, 80, 23.5], [0, 0, 1]])
+    rng = np.random.default_rng(0)
+    seen = Correspondences(rng.uniform([700, 500], [1270, 950], (60, 2)), rng.uniform([2, 2], [62, 46], (60, 2)))
+    answer = recalibrate(Rig(CAMERA, small, POSE, "m"), [seen])
+    assert type(answer.cause).__name__ not in ("DevicesExchanged", "NoneType")
+    assert not recwarn.list

@@ -327,7 +327,7 @@ def objection(
         return RivalUnbeaten(rival.name, rival.margin, *apart.tolist())
     if sigma is None or distance is None or sigma.displacement is None:
         return PoseUndetermined("pose: the points have no depth; show more of the scene")
-    if not np.isfinite(sigma.displacement):
+    if np.isnan(sigma.displacement):
         return PoseUndetermined("pose: seen from it, the pictures share no points at the working distance; show more")
     error = sigma.displacement / distance
     allowed = allowed_error(judgement.measured.rig, judgement.answer.pose, distance, options)

@@ -115,10 +115,11 @@ class Imprecise(Reason):
     max_error: float
 
     def __str__(self) -> str:
+        moved = "any distance" if isinf(self.error) else f"{self.error:.1%} of their distance"
         return (
             f"the points know the pose to {self.rotation_deg:.2g} deg in rotation and {self.translation_deg:.2g} deg in"
-            f" the direction of t, which moves points by {self.error:.1%} of their distance; expected"
-            f" {self.max_error:.1%} or less: light more of the scene, at several depths, or add captures"
+            f" the direction of t, which moves points by {moved}; expected {self.max_error:.1%} or less: light more of"
+            " the scene, at several depths, or add captures"
         )
 
 

@@ -11,6 +11,7 @@ from retrue.correspondences import Correspondences
 from retrue.errors import DegenerateError
 from retrue.geometry.robust import biweight_loss
 from retrue.geometry.two_view import TwoViewPose
+from retrue.rasters import MOST_OUTSIDE
 from retrue.recalibration.candidates import match_noise, refined_poses, starting_poses, with_planes
 from retrue.recalibration.fit import PoseFit, Support
 from retrue.recalibration.options import RecalibrateOptions
@@ -42,13 +43,17 @@ def exchanged(capture: Correspondences) -> Correspondences:
 def move_if_exchanged(
     rig: Rig, captures: Sequence[Correspondences], answer: Posterior, old: TwoViewPose, options: RecalibrateOptions
 ) -> float | None:
-    """How far the rig moved, degrees, if its devices were exchanged; None where that explains nothing better."""
+    """How far the rig moved, degrees, if its devices were exchanged; None where that explains nothing better.
+
+    Nor where the pixels of the one are none of the other.
+    """
     moved = move_deg(answer.pose, old)
-    if not moved > FAR_MOVE_DEG:
+    captures = [exchanged(capture) for capture in captures]
+    if not moved > FAR_MOVE_DEG or not _inside(rig, captures) >= 1 - MOST_OUTSIDE:
         return None
     rng = np.random.default_rng(options.seed)
     try:
-        rays = rays_of_captures(rig, [exchanged(capture) for capture in captures], ASKED_POINTS, rng)
+        rays = rays_of_captures(rig, captures, ASKED_POINTS, rng)
         rays, homographies = with_planes(rays, rig, options, rng)
         starts = starting_poses(rays.points, homographies, old, match_noise(rays.points, rng), rng)
         fits = refined_poses(starts, Support.of(rays), rng)
@@ -62,6 +67,12 @@ def move_if_exchanged(
         if (near < moved and cost < own - BETTER) or (near * NEARER < moved and cost < own + AS_WELL):
             nearest = min(nearest, near)
     return float(nearest) if nearest < moved else None
+
+
+def _inside(rig: Rig, captures: Sequence[Correspondences]) -> float:
+    """Share of the points that lie in the rasters of both devices."""
+    inside = [rig.camera.contains(one.camera_px) & rig.projector.contains(one.projector_px) for one in captures]
+    return float(np.mean(np.concatenate(inside)))
 
 
 def _mean_cost(fit: PoseFit, least: float) -> float:
