@@ -8,6 +8,7 @@ from types import ModuleType
 import numpy as np
 import pytest
 
+from retrue import RecalibrateOptions
 from retrue.calibration.bundle import Adjusted
 from retrue.calibration.calibrate import calibrate_views, start
 from retrue.calibration.model_terms import fit_with_lens
@@ -118,3 +119,8 @@ def test_the_basis_of_the_direction_is_that_of_the_pose(fit: Adjusted) -> None:
     along[translation, translation] = np.outer(second, second) + np.outer(direction, direction)  # |t| does not show
     found = pose_covariance(rig_covariance(replace(fit, covariance=along), (False, False)))
     assert np.diag(found) == pytest.approx([0, 0, 0, 0, 1 / (t @ t)], abs=1e-18)
+
+
+def test_a_lens_that_was_handed_in_is_known_as_one_that_states_nothing() -> None:
+    options = RecalibrateOptions()
+    assert (options.focal_sigma, *(options.principal_point_sigma_px,) * 2, options.k1_sigma) == STATED

@@ -19,9 +19,9 @@ POSE = 6
 """Numbers of the pose in `rig_covariance`: rotation, direction of t, and log |t|."""
 FLOOR = (1e-5, 1e-2, 1e-2, 1e-5)
 """Sigmas added to those numbers: no lens is known better, and the covariance stays positive definite."""
-STATED = (2e-3, 1.0, 1.0, 2e-3)
+STATED = (2e-3, 1.0, 1.0, 1e-3)
 """Sigmas of a lens that was handed in and held: the calibration measures none of it, so that they are what
-recalibration takes for any rig that states nothing; k1 moves the corners by about as much as the focal length."""
+recalibration takes for any rig that states nothing."""
 
 
 @dataclass(frozen=True, slots=True)
