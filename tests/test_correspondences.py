@@ -37,6 +37,7 @@ def test_rasters_are_shown():
 @pytest.mark.parametrize(
     ("wrong", "said"),
     [
+        ({"projector_sigma_px": [-0.1, np.nan]}, "projector_sigma_px: expected no number below 0, found -0.1"),
         ({"camera_size": (640, 0)}, "camera_size: expected width and height in whole pixels"),
         ({"projector_size": (640.5, 480)}, "projector_size: expected width and height in whole pixels"),
         ({"camera_size": 640}, "camera_size: expected shape 2"),

@@ -92,6 +92,10 @@ class Correspondences(ByValue, ShortRepr):
             column = getattr(self, name)
             if column is not None and len(column) != len(camera_px):
                 raise InputError(f"{name}: expected {len(camera_px)} rows as in camera_px, found {len(column)}")
+        for name in SIGMAS:
+            column = getattr(self, name)
+            if column is not None and (column < 0).any():
+                raise InputError(f"{name}: expected no number below 0, found {column[column < 0][0]:g}")
         for name in SIZES:
             size = getattr(self, name)
             if size is not None:
@@ -192,6 +196,7 @@ def require_captures(values: object) -> None:
 
 
 READERS = "retrue.read_capture decodes pictures, retrue.read_points reads a table"
+SIGMAS = ("camera_sigma_px", "projector_sigma_px", "projector_sigma_ratio")
 SIZES = ("camera_size", "projector_size")
 OPTIONAL_COLUMNS: dict[str, tuple[type[np.generic], tuple[int, ...]]] = {  # what each row is
     "camera_sigma_px": (np.float64, ()),
