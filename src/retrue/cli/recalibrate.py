@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import time
 from dataclasses import dataclass, field
+from math import isfinite
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, TypeGuard
 
 from tyro.conf import OmitArgPrefixes
 
@@ -141,11 +142,15 @@ def _described(result: Accepted | Refused, unit: str) -> str:
     if evidence.sigma is not None:
         sigma = evidence.sigma
         lines.append(f"sigma {sigma.rotation_deg:.3f} deg, direction of t {sigma.translation_deg:.3f} deg")
-    if evidence.change is not None and evidence.change.displacement is not None:
+    if evidence.change is not None and _is_known(evidence.change.displacement):
         distance = f"{figures(evidence.working_distance, 4)} {unit}"
         lines.append(f"points at {distance} were off by {figures(evidence.change.displacement, 4)} {unit}")
-    if evidence.sigma is not None and evidence.sigma.displacement is not None:
-        lines[-1] += f", are now within {figures(evidence.sigma.displacement)} {unit} (sigma)"
+        if evidence.sigma is not None and _is_known(evidence.sigma.displacement):
+            lines[-1] += f", are now within {figures(evidence.sigma.displacement)} {unit} (sigma)"
     if evidence.scale:
         lines.append(f"scale: {evidence.scale}")
     return "\n".join(lines)
+
+
+def _is_known(length: float | None) -> TypeGuard[float]:
+    return length is not None and isfinite(length)
