@@ -43,13 +43,15 @@ def exchanged(capture: Correspondences) -> Correspondences:
 def move_if_exchanged(
     rig: Rig, captures: Sequence[Correspondences], answer: Posterior, old: TwoViewPose, options: RecalibrateOptions
 ) -> float | None:
-    """How far the rig moved, degrees, if its devices were exchanged; None where that explains nothing better.
+    """How far the rig moved, degrees, if its devices were exchanged.
 
-    Nor where the pixels of the one are none of the other.
+    None where that explains nothing better, or the pixels of the one are none of the other.
     """
     moved = move_deg(answer.pose, old)
+    if not moved > FAR_MOVE_DEG:
+        return None
     captures = [exchanged(capture) for capture in captures]
-    if not moved > FAR_MOVE_DEG or not _inside(rig, captures) >= 1 - MOST_OUTSIDE:
+    if not _inside(rig, captures) >= 1 - MOST_OUTSIDE:
         return None
     rng = np.random.default_rng(options.seed)
     try:
