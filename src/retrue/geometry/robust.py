@@ -180,7 +180,9 @@ def with_shared_part(values: FloatArray, weights: FloatArray, level: float, bloc
     groups = int(blocks.max(initial=-1)) // per_side**2 + 1
     number, total = np.empty((2, groups * per_side**2 + 1))  # the last stays empty: it is block -1
     shared = cast("float", kernel.shared_part(values, weights, level, blocks, number, total, variance))
-    alikeness = _alikeness(number, total, shared, per_side) if shared > 0 else 1.0
+    if not shared > 0:
+        return Noise(level, shared, variance)
+    alikeness = _alikeness(number, total, shared, per_side)
     return Noise(level, shared, level**2 + (variance - level**2) * alikeness, alikeness)
 
 

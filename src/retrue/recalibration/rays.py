@@ -104,8 +104,8 @@ def _one_a_place(capture: Correspondences, row: IntArray) -> BoolArray:
     kept = np.ones(len(row), dtype=np.bool_)
     if len(row) < 2:
         return kept
-    (left, top), (right, bottom) = capture.camera_px.min(axis=0), capture.camera_px.max(axis=0)
-    reach = min(SAME_PLACE * float(np.sqrt((right - left) * (bottom - top) / len(capture))), SAME_PLACE_PX)
+    width, height = (float(np.ptp(side)) for side in capture.camera_px.T)
+    reach = min(SAME_PLACE * float(np.sqrt(width * height / len(capture))), SAME_PLACE_PX)
     if not reach > 0:
         return kept
     given = [sigma[row] for sigma in (capture.camera_sigma_px, capture.projector_sigma_px) if sigma is not None]
