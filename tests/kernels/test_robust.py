@@ -94,3 +94,13 @@ def test_what_lies_between_is_counted() -> None:
     for kernel in (robust, plain("robust")):
         kernel.count_between(values, rows, 2.0, 1.0, 3.0, 30.0, counts)
         assert counts.tolist() == [1, 2]
+
+
+def test_rows_that_are_silenced() -> None:
+    families, weights = np.stack([VALUES, VALUES**2]), np.ones((2, len(VALUES)))
+    rows = np.arange(len(VALUES)) % 3 == 0
+    for kernel in (robust, plain("robust")):
+        values, left = np.zeros((2, *families.shape))
+        kernel.silence(families, weights, rows.view(np.uint8), values, left)
+        np.testing.assert_array_equal(values, np.where(rows, np.nan, families))
+        np.testing.assert_array_equal(left, np.where(rows, 0.0, weights))

@@ -81,6 +81,13 @@ def count_between(
     return int(counts[0]), int(counts[1])
 
 
+def silenced(families: FloatArray, weights: FloatArray, rows: BoolArray) -> tuple[FloatArray, FloatArray]:
+    """Copies of families (K, N) of values and of their weights, those rows (N,) NaN, and without weight."""
+    values, left = np.empty(families.shape), np.empty(weights.shape)
+    kernel.silence(families, weights, rows.view(np.uint8), values, left)
+    return values, left
+
+
 def gather_weights(
     both: FloatArray, plane_index: IntArray, planes: int, floor: float, reach: float
 ) -> tuple[FloatArray, float, float]:

@@ -136,14 +136,22 @@ def sampson_distances(
     [0.021213]
     """
     E = skew(projector_from_camera.t) @ projector_from_camera.R
-    x, y = np.asarray(camera_rays, dtype=np.float64), np.asarray(projector_rays, dtype=np.float64)
-    line_in_projector = x @ E[:, :2].T + E[:, 2]
-    line_in_camera = y @ E[:2, :2] + E[2, :2]
-    error = (y * line_in_projector[:, :2]).sum(axis=1) + line_in_projector[:, 2]
-    variance = np.square(camera_sigma) * np.square(line_in_camera).sum(axis=1)
-    variance = variance + np.square(projector_sigma) * np.square(line_in_projector[:, :2]).sum(axis=1)
-    with np.errstate(invalid="ignore", divide="ignore"):
-        return np.where(variance > 0, error / np.sqrt(variance), np.nan)
+    return distances_of_essential(E, camera_rays, projector_rays, camera_sigma, projector_sigma)
+
+
+def distances_of_essential(
+    E: FloatArray,
+    camera_rays: ArrayLike,
+    projector_rays: ArrayLike,
+    camera_sigma: ArrayLike = 1.0,
+    projector_sigma: ArrayLike = 1.0,
+) -> FloatArray:
+    """The same (N,) of an essential matrix (3, 3), of any scale."""
+    x, y = (np.ascontiguousarray(rays, dtype=np.float64) for rays in (camera_rays, projector_rays))
+    a, b = (np.atleast_1d(np.asarray(sigma, dtype=np.float64)) for sigma in (camera_sigma, projector_sigma))
+    distances = np.empty(len(x))
+    kernel.sampson(E, x, y, a, b, distances)
+    return distances
 
 
 def _least_squares(R: FloatArray, t: FloatArray, x: _Columns, y: _Columns) -> tuple[FloatArray, FloatArray, FloatArray]:

@@ -6,6 +6,7 @@ import cython
 from cython.cimports.libc.math import fabs, sqrt
 
 INFINITY = cython.declare(cython.double, float("inf"))
+NAN = cython.declare(cython.double, float("nan"))
 FEWEST = cython.declare(cython.double, 3.0)  # points of a block that tell what they share
 MANY = cython.declare(cython.Py_ssize_t, 150)  # values that it pays to look at a few of
 FEW = cython.declare(cython.Py_ssize_t, 32)
@@ -70,6 +71,21 @@ def count_between(
         less += (rows[k] != 0) & (value < nearest)
         between += (rows[k] != 0) & (near < value) & (value < far)
     counts[0], counts[1] = less, between
+
+
+def silence(
+    families: cython.const[cython.double][:, ::1],
+    weights: cython.const[cython.double][:, ::1],
+    rows: cython.const[cython.uchar][::1],
+    values: cython.double[:, ::1],
+    left: cython.double[:, ::1],
+) -> None:
+    """`values`, `left` (K, N) <- families of values and their weights, of those rows (N,) NaN and zero."""
+    cython.declare(i=cython.Py_ssize_t, k=cython.Py_ssize_t)
+    for i in range(families.shape[0]):
+        for k in range(rows.shape[0]):
+            values[i, k] = NAN if rows[k] else families[i, k]
+            left[i, k] = 0.0 if rows[k] else weights[i, k]
 
 
 def number_blocks(

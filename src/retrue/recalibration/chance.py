@@ -8,7 +8,7 @@ from math import erfc, exp, log, pi, sqrt
 import numpy as np
 
 from retrue.geometry.arrays import BoolArray, FloatArray
-from retrue.geometry.robust import CUTOFF, count_between
+from retrue.geometry.robust import CUTOFF, count_between, silenced
 from retrue.geometry.two_view import FREE, Residuals
 from retrue.recalibration.fit import PoseFit
 
@@ -33,9 +33,7 @@ def without_chance(fit: PoseFit, aside: BoolArray | None) -> PoseFit:
         silent = free if aside is None else free | aside
     if silent is None or not silent.any():
         return fit
-    both, weights = fit.found.both.copy(), fit.robust_weights.copy()
-    np.copyto(both, np.nan, where=silent)
-    np.copyto(weights, 0.0, where=silent)
+    both, weights = silenced(fit.found.both, fit.robust_weights, silent)
     return replace(fit, found=Residuals(both), robust_weights=weights)
 
 

@@ -177,8 +177,7 @@ class Posterior:
         """
         if self.prior.free:
             return _inverse(self.information)[:POSE_PARAMETERS, :POSE_PARAMETERS] * COVARIANCE_FACTOR
-        together = 0.0 if self.prior.together is None else self.prior.together
-        apart = self.follows - together
+        apart = self.follows - (0.0 if self.prior.together is None else self.prior.together)
         return self.statistical_covariance + apart @ self._kept @ apart.T
 
     @cached_property
@@ -188,8 +187,7 @@ class Posterior:
         A and B are the information of all else and its part with the lenses.
         """
         own, lens = self._parts
-        inverse = _inverse(self.information[np.ix_(own, own)])[:POSE_PARAMETERS]
-        return -inverse @ self.information[np.ix_(own, lens)]
+        return -self._own_inverse @ self.information[np.ix_(own, lens)]
 
     @property
     def _kept(self) -> FloatArray:
@@ -215,8 +213,12 @@ class Posterior:
     @cached_property
     def statistical_covariance(self) -> FloatArray:
         """(5, 5) of the pose, the lenses being exactly as they are."""
+        return self._own_inverse[:, :POSE_PARAMETERS] * COVARIANCE_FACTOR
+
+    @cached_property
+    def _own_inverse(self) -> FloatArray:
         own, _ = self._parts
-        return _inverse(self.information[np.ix_(own, own)])[:POSE_PARAMETERS, :POSE_PARAMETERS] * COVARIANCE_FACTOR
+        return _inverse(self.information[np.ix_(own, own)])[:POSE_PARAMETERS]
 
     @cached_property
     def eased(self) -> Posterior:
@@ -285,7 +287,7 @@ class Posterior:
         told = information[first:, first:] - cross.T @ solve_normal_equations(information[:first, :first], cross)
         return (told + told.T) / 2
 
-    @property
+    @cached_property
     def _parts(self) -> tuple[IntArray, IntArray]:
         """Numbers of all parameters but the lenses, the pose first; and of the lenses."""
         start = POSE_PARAMETERS + 3 * len(self.pose.planes)
@@ -355,8 +357,7 @@ def improved(here: Posterior, iterations: int) -> Posterior:
 
 def _cost(fit: Posterior, reference: Posterior) -> float:
     """In the noise of the reference, which a step is taken in."""
-    noises = reference.fit.epipolar_noise, reference.fit.along_noise
-    losses = [total_loss(*family) for family in zip(fit.fit.found.both, noises, strict=True)]
+    losses = [total_loss(*family) for family in zip(fit.fit.found.both, reference.fit.noises, strict=True)]
     return sum(losses) + fit.prior_cost
 
 
@@ -372,9 +373,8 @@ def posterior_at(measured: Measured, parameters: Parameters, prior: Prior) -> Po
 
 
 def _with_misfit(fit: PoseFit, measured: Measured) -> PoseFit:
-    blocks = measured.support.blocks
     noises: list[Noise] = []
-    for noise, block in zip((fit.epipolar_noise, fit.along_noise), blocks, strict=True):
+    for noise, block in zip(fit.noises, measured.support.blocks, strict=True):
         number = np.bincount(block + 1)[block + 1]
         shared = float(np.hypot(noise.shared, measured.misfit))
         noises.append(replace(noise, shared=shared, variance=noise.variance + measured.misfit**2 * number))
