@@ -67,8 +67,7 @@ def check_spread(rays: Rays, options: RecalibrateOptions) -> None:
 
 def _spread(points: FloatArray) -> tuple[float, float]:
     """Standard deviations along the widest and the narrowest direction."""
-    centred = points - points.mean(axis=0)
-    low, high = np.linalg.eigvalsh(centred.T @ centred / max(len(points) - 1, 1))
+    low, high = np.linalg.eigvalsh(np.cov(np.ascontiguousarray(points.T)))
     return float(np.sqrt(max(high, 0.0))), float(np.sqrt(max(low, 0.0)))
 
 

@@ -111,7 +111,7 @@ def shifted_copy(posterior: Posterior, outside: BoolArray) -> Part | None:
         return None
     camera, projector = measured.rig.camera, measured.rig.projector
     focal = projector.K[0, 0]
-    sigma = np.hypot(points.camera_sigma * camera.K[0, 0], points.projector_sigma * focal)[rows]
+    sigma = np.hypot(points.camera_sigma[rows] * camera.K[0, 0], points.projector_sigma[rows] * focal)
     along = posterior.fit.along_noise
     noise = 4 * float(quantile(sigma, 0.5) * np.hypot(along.level, along.shared))
     x = np.column_stack([points.camera_rays[rows], np.ones(len(rows))])

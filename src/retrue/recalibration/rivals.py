@@ -269,7 +269,7 @@ def _point_evidence(
     if not np.count_nonzero(given ^ own) < SAME_POINTS * np.count_nonzero(given | own):
         told += parts - own_parts
     if shared.any():  # lenses may follow what is slow, or be what makes it: of both, what tells less
-        pairs = (best, rival), (best.eased, eased)
+        pairs = dict.fromkeys([(best, rival), (best.eased, eased)])  # one, where none is eased
         told += min((_of_shared(*pair, measured, asides, shared) for pair in pairs), key=abs)
     return 0.5 * told
 
@@ -288,7 +288,7 @@ def _cheaper(
     fits: tuple[Posterior, Posterior], floor: Floor, measured: Measured, asides: Sequence[Part], rows: BoolArray
 ) -> tuple[FloatArray, float, float, BoolArray]:
     """The `explained_costs` of whichever of the two, as it is or eased, costs less at those rows (N,)."""
-    found = [explained_costs(fit, floor, measured, asides) for fit in fits]
+    found = [explained_costs(fit, floor, measured, asides) for fit in dict.fromkeys(fits)]
     return min(found, key=lambda one: float(one[0][rows].sum()) + one[1] + one[2])
 
 
