@@ -92,7 +92,7 @@ def lens_evidence(
         for start, iterations in starts:
             with suppress(DegenerateError):
                 fits.append(fit_posterior(real, start, free, iterations))
-        posterior = least(fits, measured)
+        posterior = least(fits)
         others = tuple(fit for fit in fits if not same_pose(fit.pose, posterior.pose))
         nearer = 2 * (move_nats(moved) - move_nats(move_deg(posterior.pose, old)))
         gain = _gain(real, best, posterior, tight, part) + nearer

@@ -21,6 +21,7 @@ from retrue.geometry.two_view import (
     POSE_PARAMETERS,
     TwoViewPoints,
     TwoViewPose,
+    behind,
     corrected_rays,
     solve_normal_equations,
     step_equations,
@@ -196,19 +197,13 @@ class Posterior:
     @property
     def joint_covariance(self) -> FloatArray:
         """(13, 13) of the pose and both lenses: lenses that are not free move the pose with them, see `covariance`."""
-        size = POSE_PARAMETERS + LENSES
-        joint = np.empty((size, size))
         if self.prior.free:
             pose_and_lenses = np.concatenate([np.arange(POSE_PARAMETERS), self._parts[1]])
-            joint[:] = _inverse(self.information)[np.ix_(pose_and_lenses, pose_and_lenses)]
+            joint = _inverse(self.information)[np.ix_(pose_and_lenses, pose_and_lenses)]
             joint[:POSE_PARAMETERS, :POSE_PARAMETERS] = self.covariance
             return joint
         cross = self.follows @ self._kept
-        joint[:POSE_PARAMETERS, :POSE_PARAMETERS] = self.statistical_covariance + cross @ self.follows.T
-        joint[:POSE_PARAMETERS, POSE_PARAMETERS:] = cross
-        joint[POSE_PARAMETERS:, :POSE_PARAMETERS] = cross.T
-        joint[POSE_PARAMETERS:, POSE_PARAMETERS:] = self._kept
-        return joint
+        return np.block([[self.statistical_covariance + cross @ self.follows.T, cross], [cross.T, self._kept]])
 
     @cached_property
     def statistical_covariance(self) -> FloatArray:
@@ -245,6 +240,13 @@ class Posterior:
         return negative_log_likelihood(self.fit, self.measured.support.blocks)
 
     @cached_property
+    def impossible(self) -> BoolArray:
+        """(N,) points that it has behind a device, or explains where it hides them: surfaces are opaque."""
+        from retrue.recalibration.rivals import hidden
+
+        return behind(self.pose, self.points, self.fit.epipolar_noise.level) | hidden(self)
+
+    @cached_property
     def parts(self) -> list[Part]:
         """Shifted copies of planes that it explains, and planes that it does not: each has its own explanation."""
         from retrue.recalibration.parts import planes_apart, shifted_copies, unexplained
@@ -255,8 +257,7 @@ class Posterior:
     @property
     def lens_covariance(self) -> FloatArray:
         """(8, 8) of free lenses, all else being free too."""
-        _, lens = self._parts
-        return _inverse(self.information)[np.ix_(lens, lens)]
+        return _inverse(self.information)[np.ix_(self._parts[1], self._parts[1])]
 
     @property
     def lens_information(self) -> FloatArray:
@@ -357,8 +358,8 @@ def improved(here: Posterior, iterations: int) -> Posterior:
 
 def _cost(fit: Posterior, reference: Posterior) -> float:
     """In the noise of the reference, which a step is taken in."""
-    losses = [total_loss(*family) for family in zip(fit.fit.found.both, reference.fit.noises, strict=True)]
-    return sum(losses) + fit.prior_cost
+    families = zip(fit.fit.found.both, reference.fit.noises, strict=True)
+    return sum(total_loss(*family) for family in families) + fit.prior_cost
 
 
 def posterior_at(measured: Measured, parameters: Parameters, prior: Prior) -> Posterior:
@@ -367,8 +368,7 @@ def posterior_at(measured: Measured, parameters: Parameters, prior: Prior) -> Po
     bows = measured.bends, np.ascontiguousarray(parameters.bows)
     fit = evaluate(parameters.pose, Support(points, measured.support.blocks), bows, measured.aside)
     fit = without_chance(fit, measured.aside)
-    if measured.misfit > 0:
-        fit = _with_misfit(fit, measured)
+    fit = _with_misfit(fit, measured) if measured.misfit > 0 else fit
     return Posterior(parameters, prior, points, fit, measured)
 
 
