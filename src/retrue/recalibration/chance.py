@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from math import erfc, exp, log, pi, sqrt
 
 import numpy as np
@@ -34,7 +33,7 @@ def without_chance(fit: PoseFit, aside: BoolArray | None) -> PoseFit:
     if silent is None or not silent.any():
         return fit
     both, weights = silenced(fit.found.both, fit.robust_weights, silent)
-    return replace(fit, found=Residuals(both), robust_weights=weights)
+    return PoseFit(fit.pose, fit.points, Residuals(both), *fit.noises, weights)
 
 
 def beyond_chance(preferred: FloatArray) -> float:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
+from math import log, sqrt
 
 import numpy as np
 
@@ -210,8 +211,8 @@ def _levels(found: Residuals, on_plane: int, correction: float) -> tuple[float, 
         pooled = biweight_level(found.both.ravel(), correction)
         return pooled, pooled
     epipolar, along = biweight_level(found.epipolar, correction), biweight_level(found.along, correction)
-    spread = np.sqrt(2 / across + 2 / on_plane)
-    if abs(2 * np.log(along / epipolar)) > 4 * spread:
+    spread = sqrt(2 / across + 2 / on_plane)
+    if abs(2 * log(along / epipolar)) > 4 * spread:
         return epipolar, along
     between = (across * epipolar + on_plane * along) / (across + on_plane)
     pooled = reweighted_level(found.both.ravel(), between, correction)

@@ -118,7 +118,8 @@ class Prior:
 
     def cost(self, parameters: Parameters) -> float:
         """Squared Mahalanobis length of the parameters in it."""
-        cost = float(parameters.lens @ self.lens.precision @ parameters.lens) + float((parameters.bows**2).sum())
+        lens, bows = parameters.lens, parameters.bows
+        cost = float(lens @ self.lens.precision @ lens) + float(np.vdot(bows, bows))
         if self.pose is not None:
             difference = pose_difference(self.pose.pose, parameters.pose)
             cost += float(difference @ self.pose.precision @ difference)
@@ -187,8 +188,7 @@ class Posterior:
 
         A and B are the information of all else and its part with the lenses.
         """
-        own, lens = self._parts
-        return -self._own_inverse @ self.information[np.ix_(own, lens)]
+        return -self._own_inverse @ self.information[np.ix_(*self._parts)]
 
     @property
     def _kept(self) -> FloatArray:
