@@ -83,7 +83,7 @@ def _rms_from(
     """How far from those points (N, 3) their rays meet in a pose, measured with the devices of that rig."""
     sigmas = {"camera_sigma": 1 / rig.camera.K[0, 0], "projector_sigma": 1 / rig.projector.K[0, 0]}
     moved = triangulate(pose, camera_rays, projector_rays, **sigmas)
-    return float(np.sqrt(((moved - points) ** 2).sum(axis=1).mean()))
+    return float(np.linalg.norm(moved - points)) / float(np.sqrt(len(points)))
 
 
 def pixel_displacement(rig: Rig, distance: float) -> float:

@@ -16,11 +16,10 @@ from retrue.geometry.robust import (
     Noise,
     biweight_level,
     biweight_loss,
-    biweights,
     gather_weights,
     grid_blocks,
+    noises_and_weights,
     reweighted_level,
-    with_shared_part,
 )
 from retrue.geometry.transform import vector_from_rotation
 from retrue.geometry.two_view import (
@@ -166,12 +165,8 @@ def evaluate(pose: TwoViewPose, support: Support, bows: PlaneBows = NO_BOWS, asi
     if freedom < 1:
         raise DegenerateError("pose: fewer measurements than unknowns; more correspondences are needed")
     levels = _levels(found, on_plane, count / freedom)
-    robust_weights = biweights(found.both, levels)
-    epipolar_noise, along_noise = (
-        with_shared_part(*family, BLOCKS)
-        for family in zip(found.both, robust_weights, levels, support.blocks, strict=True)
-    )
-    return PoseFit(pose, support.points, found, epipolar_noise, along_noise, robust_weights)
+    (across, along), robust_weights = noises_and_weights(found.both, levels, support.blocks, BLOCKS)
+    return PoseFit(pose, support.points, found, across, along, robust_weights)
 
 
 def chi_square(fit: PoseFit, reference: PoseFit) -> FloatArray:
