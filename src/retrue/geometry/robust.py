@@ -178,7 +178,7 @@ def noises_and_weights(
     runs through them, and they tell less than as many that err each by itself. Block -1 stands for no residual. Blocks
     are those of `grid_blocks`, so many per side.
     """
-    weights, variances = np.empty((2, *families.shape))
+    weights, variances = np.empty(families.shape), np.empty(families.shape)
     groups = int(blocks.max(initial=-1)) // per_side**2 + 1
     number, total = np.empty((2, groups * per_side**2 + 1))  # the last stays empty: it is block -1
     noises: list[Noise] = []
