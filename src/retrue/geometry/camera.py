@@ -84,7 +84,7 @@ class Camera(ByValue, ShortRepr):
         rays = np.asarray(rays, dtype=np.float64)
         if not self.distortion.any():
             return rays
-        distorted = np.empty(rays.shape)
+        distorted = np.empty((*rays.shape[:-1], 2))
         kernel.distort(self._coefficients, _rows(rays), distorted.reshape(-1, 2))
         return distorted
 
@@ -97,7 +97,7 @@ class Camera(ByValue, ShortRepr):
         distorted = np.asarray(distorted, dtype=np.float64)
         if not self.distortion.any():
             return distorted
-        rays = np.empty(distorted.shape)
+        rays = np.empty((*distorted.shape[:-1], 2))
         kernel.undistort(self._coefficients, _rows(distorted), np.empty((rays.size // 2, 2)), rays.reshape(-1, 2))
         return rays
 
@@ -163,4 +163,4 @@ class Camera(ByValue, ShortRepr):
 
 def _rows(rays: FloatArray) -> FloatArray:
     """(N, 2) of rays (..., 2), as kernels take them."""
-    return np.ascontiguousarray(rays.reshape(-1, 2))
+    return np.ascontiguousarray(rays[..., :2]).reshape(-1, 2)

@@ -57,10 +57,8 @@ def triangulate(
     R, t = projector_from_camera.R, projector_from_camera.t
     x = np.ascontiguousarray(array_of(camera_rays, (None, 2), "camera_rays"))
     y = np.ascontiguousarray(array_of(projector_rays, (len(x), 2), "projector_rays"))
-    vx, vy = (
-        np.square(array_of(np.atleast_1d(sigma), (1 if np.ndim(sigma) == 0 else len(x),), name))
-        for sigma, name in ((camera_sigma, "camera_sigma"), (projector_sigma, "projector_sigma"))
-    )
+    vx = np.square(_one_or_each(camera_sigma, len(x), "camera_sigma"))
+    vy = np.square(_one_or_each(projector_sigma, len(x), "projector_sigma"))
     points = np.empty((len(x), 3))
     R, t, E = (np.ascontiguousarray(part) for part in (R, t, skew(t) @ R))
     kernel.triangulate(R, t, E, x, y, vx, vy, SMALLEST_PARALLAX, points)
@@ -147,11 +145,17 @@ def distances_of_essential(
     projector_sigma: ArrayLike = 1.0,
 ) -> FloatArray:
     """The same (N,) of an essential matrix (3, 3), of any scale."""
-    x, y = (np.ascontiguousarray(rays, dtype=np.float64) for rays in (camera_rays, projector_rays))
-    a, b = (np.atleast_1d(np.asarray(sigma, dtype=np.float64)) for sigma in (camera_sigma, projector_sigma))
+    x = np.ascontiguousarray(array_of(camera_rays, (None, 2), "camera_rays"))
+    y = np.ascontiguousarray(array_of(projector_rays, (len(x), 2), "projector_rays"))
+    sigma = _one_or_each(camera_sigma, len(x), "camera_sigma"), _one_or_each(projector_sigma, len(x), "projector_sigma")
     distances = np.empty(len(x))
-    kernel.sampson(E, x, y, a, b, distances)
+    kernel.sampson(np.ascontiguousarray(E), x, y, *sigma, distances)
     return distances
+
+
+def _one_or_each(sigma: ArrayLike, count: int, name: str) -> FloatArray:
+    """(1,) of a number, else (N,)."""
+    return np.ascontiguousarray(array_of(np.atleast_1d(sigma), (1 if np.ndim(sigma) == 0 else count,), name))
 
 
 def _least_squares(R: FloatArray, t: FloatArray, x: _Columns, y: _Columns) -> tuple[FloatArray, FloatArray, FloatArray]:

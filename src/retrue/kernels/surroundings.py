@@ -185,9 +185,8 @@ def drop_copies(
                 cell[k, 0] = floor(camera[k, 0] / (2 * reach) + 0.5 * (net % 2))
                 cell[k, 1] = floor(camera[k, 1] / (2 * reach) + 0.5 * (net // 2))
                 part = SPREAD_X * cell[k, 0] + SPREAD_Y * cell[k, 1]
-                place = cython.cast(cython.Py_ssize_t, (part - floor(part)) * size)
-                if place >= size:  # a part that rounds to one
-                    place = 0
+                part -= floor(part)
+                place = cython.cast(cython.Py_ssize_t, part * size) if 0 <= part < 1 else 0
                 best = table[place]
                 while best >= 0 and not (cell[best, 0] == cell[k, 0] and cell[best, 1] == cell[k, 1]):
                     place = place + 1 if place + 1 < size else 0
