@@ -38,3 +38,27 @@ def test_a_pixel_that_no_ray_maps_to_goes_far() -> None:
     rays = np.zeros((1, 2))
     lenses.move_rays(*2 * lens_numbers(device, np.zeros(4)), np.array([[150.0, 50.0]]), rays, np.ones(1))
     np.testing.assert_array_equal(rays, [[1e3, 1e3]])
+
+
+def test_rays_that_a_lens_distorts_and_back() -> None:
+    lens, rng = np.array(LENS), np.random.default_rng(1)
+    rays, distorted, back = np.zeros((3, 2, 40, 2))
+    rays[:] = rng.uniform(-0.5, 0.5, (40, 2))
+    for index, kernel in enumerate((lenses, plain("lenses"))):
+        kernel.distort(lens, rays[index], distorted[index])
+        distorted[index, :2] = [[np.nan, 0.0], [40.0, 30.0]]  # of the second, the model knows no ray
+        with np.errstate(all="ignore"):
+            kernel.undistort(lens, distorted[index], np.empty((40, 2)), back[index])
+    np.testing.assert_array_equal(distorted[0], distorted[1])
+    np.testing.assert_array_equal(back[0], back[1])
+    assert np.isnan(back[0, :2]).all()
+    np.testing.assert_allclose(back[0, 2:], rays[0, 2:], atol=1e-13)
+    x, y = rays[0, 2:].T
+    k1, k2, p1, p2, k3, k4, k5, k6, s1, s2, s3, s4 = LENS
+    r2 = x * x + y * y
+    radial = (1 + k1 * r2 + k2 * r2**2 + k3 * r2**3) / (1 + k4 * r2 + k5 * r2**2 + k6 * r2**3)
+    expected = [
+        x * radial + 2 * p1 * x * y + p2 * (r2 + 2 * x * x) + s1 * r2 + s2 * r2**2,
+        y * radial + 2 * p2 * x * y + p1 * (r2 + 2 * y * y) + s3 * r2 + s4 * r2**2,
+    ]
+    np.testing.assert_allclose(distorted[0, 2:].T, expected, rtol=1e-13)

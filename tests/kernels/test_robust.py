@@ -23,8 +23,7 @@ def test_weights_and_shared_parts_are_those_of_numpy() -> None:
     blocks = np.append(np.arange(200) % 7, [-1, 3])
     values = VALUES + np.append(np.arange(200) % 7 % 2 * 3.0, [0, 0])
     for k, kernel in enumerate((robust, plain("robust"))):
-        kernel.biweights(values, 1.5, 6.0, weights[k])
-        shared.append(kernel.shared_part(values, weights[k], 1.5, blocks, *np.empty((2, 8)), variance[k]))
+        shared.append(kernel.shared_part(values, 1.5, 6.0, blocks, *np.empty((2, 8)), weights[k], variance[k]))
     assert shared[0] == shared[1] > 0
     for pair in (weights, variance):
         np.testing.assert_array_equal(pair[0], pair[1])
@@ -39,9 +38,8 @@ def test_weights_and_shared_parts_are_those_of_numpy() -> None:
 
 
 def test_no_shared_part_is_seen_where_blocks_scatter_as_their_points_do() -> None:
-    blocks, weights, variance = np.arange(202) % 7, np.ones(202), np.empty(202)
-    weights[200:] = 0
-    assert robust.shared_part(VALUES, weights, 2.0, blocks, *np.empty((2, 8)), variance) == 0
+    blocks, weights, variance = np.arange(202) % 7, np.empty(202), np.empty(202)
+    assert robust.shared_part(VALUES, 2.0, 6.0, blocks, *np.empty((2, 8)), weights, variance) == 0
     assert (variance == 4).all()
 
 
@@ -94,3 +92,13 @@ def test_what_lies_between_is_counted() -> None:
     for kernel in (robust, plain("robust")):
         kernel.count_between(values, rows, 2.0, 1.0, 3.0, 30.0, counts)
         assert counts.tolist() == [1, 2]
+
+
+def test_rows_that_are_silenced() -> None:
+    families, weights = np.stack([VALUES, VALUES**2]), np.ones((2, len(VALUES)))
+    rows = np.arange(len(VALUES)) % 3 == 0
+    for kernel in (robust, plain("robust")):
+        values, left = np.zeros((2, *families.shape))
+        kernel.silence(families, weights, rows.view(np.uint8), values, left)
+        np.testing.assert_array_equal(values, np.where(rows, np.nan, families))
+        np.testing.assert_array_equal(left, np.where(rows, 0.0, weights))

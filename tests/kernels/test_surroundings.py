@@ -73,3 +73,28 @@ def test_triangles_that_run_the_other_way_round() -> None:
     points = TwoViewPoints(x, y, np.ones(60), np.ones(60), np.full(60, -1))
     np.testing.assert_array_equal(turned_over(points, neighbours, 1e-3 / 3), found[0])
     assert not turned_over(points, neighbours, 10.0).any()  # noise may have made them all
+
+
+def test_copies_of_places() -> None:
+    rng = np.random.default_rng(3)
+    camera = rng.uniform(-20, 20, (300, 2))
+    projector = camera * 1.5
+    camera[200:], projector[200:] = camera[:100] + rng.normal(0, 0.2, (100, 2)), projector[:100]
+    projector[250:] += rng.normal(0, 1, (50, 2))  # of some the other picture says that they are none
+    noise = rng.integers(1, 4, 300).astype(np.float64)
+    noise[[3, 205]] = np.nan
+    expected, reach = np.ones(300, dtype=np.bool_), 0.6
+    for offset in ((0.0, 0.0), (0.5, 0.0), (0.0, 0.5), (0.5, 0.5)):
+        cells = [tuple(cell) for cell in np.floor(camera / (2 * reach) + offset)]
+        for cell in set(cells):
+            rows = [k for k in range(300) if expected[k] and cells[k] == cell]
+            for k in rows:
+                best = min(rows, key=lambda k: (np.isnan(noise[k]), noise[k], k))
+                gaps = [np.linalg.norm(pixels[k] - pixels[best]) for pixels in (camera, projector)]
+                expected[k] &= k == best or not max(gaps) < reach
+    assert 30 < np.count_nonzero(~expected) < 90
+    for kernel in BOTH:
+        kept = np.ones(300, dtype=np.bool_)
+        room = np.empty((300, 2)), np.empty(300, np.intc), np.empty(600, np.intc)
+        kernel.drop_copies(camera, projector, noise, reach, *room, kept.view(np.uint8))
+        np.testing.assert_array_equal(kept, expected)

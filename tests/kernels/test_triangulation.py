@@ -33,3 +33,26 @@ def test_compiled_and_plain_points_agree(each: bool) -> None:
     spread = np.repeat(np.broadcast_to(variances, (2, 50))[:, 5:].T, 2, axis=1)
     factor = (corrections * normal).sum(axis=1) / (spread * normal**2).sum(axis=1)
     assert np.abs(corrections - factor[:, None] * spread * normal).max() < 1e-7
+
+
+def test_how_far_rays_miss_each_other_and_homographies() -> None:
+    rng = np.random.default_rng(1)
+    E, H = rng.normal(size=(3, 3)), np.eye(3) + rng.normal(0, 0.1, (2, 3, 3))
+    x, y, (sx, sy) = *rng.uniform(-0.4, 0.4, (2, 30, 2)), rng.uniform(1, 2, (2, 30))
+    plane = np.arange(30) % 3 - 1
+    distances, missed = np.empty((2, 30)), np.empty((2, 30, 2))
+    for index, kernel in enumerate((triangulation, plain("triangulation"))):
+        kernel.sampson(E, x, y, sx, sy, distances[index])
+        kernel.missed(H, plane, x, y, sx, sy, missed[index])
+    np.testing.assert_array_equal(distances[0], distances[1])
+    np.testing.assert_array_equal(missed[0], missed[1])
+    x1, y1 = np.column_stack([x, np.ones(30)]), np.column_stack([y, np.ones(30)])
+    slopes = np.column_stack([sx[:, None] * (y1 @ E)[:, :2], sy[:, None] * (x1 @ E.T)[:, :2]])
+    np.testing.assert_allclose(distances[0], (y1 @ E * x1).sum(axis=1) / np.linalg.norm(slopes, axis=1), rtol=1e-9)
+    for k in range(30):
+        if plane[k] < 0:
+            assert np.isnan(missed[0, k]).all()
+            continue
+        there = H[plane[k]] @ x1[k]
+        wide = sx[k] * np.sqrt(abs(np.linalg.det(H[plane[k]]) / there[2] ** 3))
+        np.testing.assert_allclose(missed[0, k], (y[k] - there[:2] / there[2]) / np.hypot(wide, sy[k]), rtol=1e-9)

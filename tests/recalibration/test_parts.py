@@ -112,8 +112,7 @@ def test_an_error_that_a_block_shares_costs_as_one_and_not_as_many() -> None:
     apart = replace(measured, support=Support(replace(points, projector_rays=rays), measured.support.blocks))
     true, bent = (posterior_at(m, truth, Prior(stated_prior(RIG, 0.01, 5.0, 0.02))) for m in (measured, apart))
     assert bent.fit.epipolar_noise.shared > 0.5 * bent.fit.epipolar_noise.level
-    nobody = np.empty((len(points), 0), dtype=np.int64)
-    lost = (costs(bent, Floor.of([true, bent]), nobody) - costs(true, Floor.of([true, bent]), nobody)).sum()
+    lost = (costs(bent, Floor.of([true, bent])) - costs(true, Floor.of([true, bent]))).sum()
     alone = 2 * len(points) * np.log(bent.fit.epipolar_noise.level / true.fit.epipolar_noise.level)
     assert 36 < lost < 0.4 * alone
 

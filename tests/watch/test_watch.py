@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import shutil
 import threading
 from dataclasses import replace
 from pathlib import Path
@@ -253,16 +254,33 @@ def begun(folder: Path, first: int, end: int) -> Watch:
     return watch
 
 
-def test_a_bump_is_found_as_soon_when_the_watch_is_stopped_within_it(folder):
+@pytest.fixture(scope="module")
+def first_frames(tmp_path_factory) -> Path:
+    folder = tmp_path_factory.mktemp("begun")
+    write_rig(folder / "rig.json", RIG)
     begun(folder, 0, 41)
-    assert len(list((folder / "drifted").iterdir())) == 1
-    begun(folder, 41, 42)
-    assert events(folder, "recalibrated") == []
-    begun(folder, 42, 43)
-    (event,) = events(folder, "recalibrated")
+    return folder
+
+
+@pytest.fixture
+def bumped(first_frames, tmp_path) -> Path:
+    """What a watch left that ended after the first frame of a bump, and takes its own copy of the rig for the same."""
+    folder = shutil.copytree(first_frames, tmp_path / "bumped")
+    state, rig = json.loads((folder / "state.json").read_text()), (folder / "rig.json").stat()
+    state["memory"]["rig"] = [rig.st_ino, rig.st_size, rig.st_mtime_ns, rig.st_ctime_ns]
+    (folder / "state.json").write_text(json.dumps(state))
+    return folder
+
+
+def test_a_bump_is_found_as_soon_when_the_watch_is_stopped_within_it(bumped):
+    assert len(list((bumped / "drifted").iterdir())) == 1
+    begun(bumped, 41, 42)
+    assert events(bumped, "recalibrated") == []
+    begun(bumped, 42, 43)
+    (event,) = events(bumped, "recalibrated")
     assert event["frames"] == ["frame 40", "frame 41", "frame 42"]
     assert event["kind"] == "bump"
-    assert not (folder / "drifted").exists()
+    assert not (bumped / "drifted").exists()
 
 
 def test_the_filter_goes_on_after_a_stop(folder):
@@ -272,42 +290,42 @@ def test_the_filter_goes_on_after_a_stop(folder):
     assert [number for number, found in enumerate(creep) if found is not None] == list(range(29, 40))
 
 
-def test_what_was_remembered_of_another_rig_is_forgotten(folder):
-    begun(folder, 0, 42)
-    write_rig(folder / "rig.json", turned(RIG, (1.0, 0, 0)))
-    begun(folder, 42, 50)
-    assert events(folder, "recalibrated") == []
-    assert not (folder / "drifted").exists()
+def test_what_was_remembered_of_another_rig_is_forgotten(bumped):
+    begun(bumped, 41, 42)
+    write_rig(bumped / "rig.json", turned(RIG, (1.0, 0, 0)))
+    begun(bumped, 42, 50)
+    assert events(bumped, "recalibrated") == []
+    assert not (bumped / "drifted").exists()
 
 
 @pytest.mark.parametrize("spoilt", ["points", "creep", "streak"])
-def test_memory_that_is_damaged_is_told_and_begins_anew(folder, spoilt):
-    begun(folder, 0, 42)
-    (folder / "drifted/7.npz").write_bytes(b"left by a process that was killed")
+def test_memory_that_is_damaged_is_told_and_begins_anew(bumped, spoilt):
+    begun(bumped, 41, 42)
+    (bumped / "drifted/7.npz").write_bytes(b"left by a process that was killed")
     if spoilt == "points":
-        (folder / "drifted/42.npz").write_bytes(b"rubbish")
+        (bumped / "drifted/42.npz").write_bytes(b"rubbish")
     else:
-        state = json.loads((folder / "state.json").read_text())
+        state = json.loads((bumped / "state.json").read_text())
         state["memory"][spoilt] = {"last": [1, 2]} if spoilt == "creep" else ["rubbish"]
-        (folder / "state.json").write_text(json.dumps(state))
-    begun(folder, 42, 45)
-    (event,) = events(folder, "forgotten")
+        (bumped / "state.json").write_text(json.dumps(state))
+    begun(bumped, 42, 45)
+    (event,) = events(bumped, "forgotten")
     assert "does not read" in event["reason"]
-    assert events(folder, "recalibrated")[0]["frames"] == ["frame 42", "frame 43", "frame 44"]
-    assert not (folder / "drifted").exists()
+    assert events(bumped, "recalibrated")[0]["frames"] == ["frame 42", "frame 43", "frame 44"]
+    assert not (bumped / "drifted").exists()
 
 
-def test_a_damaged_history_is_told_once_and_closes_nothing(folder):
-    begun(folder, 0, 43)
-    path = folder / "rig.json.history.jsonl"
+def test_a_damaged_history_is_told_once_and_closes_nothing(bumped):
+    begun(bumped, 41, 43)
+    path = bumped / "rig.json.history.jsonl"
     path.write_bytes(path.read_bytes().replace(b'"action": "recalibrated"', b'"action": "recalibrate?"'))
-    watch = watching(folder)
+    watch = watching(bumped)
     watch.run(SimulatedSource(60, jumps={40: (1.0, 0, 0), 50: (0, 2.0, 0)}, first=43), threading.Event())
     watch.events.close()
-    (event,) = events(folder, "history damaged")
+    (event,) = events(bumped, "history damaged")
     assert event["lines"] == 1
     assert "rig.json.history.jsonl: line 2" in event["reason"]
-    assert len(events(folder, "recalibrated")) == 2
+    assert len(events(bumped, "recalibrated")) == 2
 
 
 def test_a_cloud_per_frame_but_none_from_a_rig_that_drifted(folder):

@@ -39,8 +39,9 @@ def array_of(value: ArrayLike, shape: tuple[int | None, ...], name: str) -> Floa
         array = np.asarray(value, dtype=np.float64)
     except (TypeError, ValueError, OverflowError) as error:
         raise InputError(f"{name}: expected numbers of shape {_shape(shape)}, found {in_brief(value)}") from error
-    if array.ndim != len(shape) or any(
-        want is not None and have != want for want, have in zip(shape, array.shape, strict=True)
+    if array.shape != shape and (
+        array.ndim != len(shape)
+        or any(want is not None and have != want for want, have in zip(shape, array.shape, strict=True))
     ):
         raise InputError(f"{name}: expected shape {_shape(shape)}, found {_shape(array.shape)}")
     return array

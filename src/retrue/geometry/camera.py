@@ -12,6 +12,7 @@ from numpy.typing import ArrayLike
 
 from retrue.errors import InputError
 from retrue.geometry.arrays import BoolArray, FloatArray, finite_array, frozen_array, whole_size
+from retrue.kernels import lenses as kernel
 from retrue.shown import ShortRepr, Shown, vector
 from retrue.values import ByValue
 
@@ -84,9 +85,9 @@ class Camera(ByValue, ShortRepr):
         rays = np.asarray(rays, dtype=np.float64)
         if not self.distortion.any():
             return rays
-        x, y = rays[..., 0], rays[..., 1]
-        radial, tangential_x, tangential_y = self._distortion_terms(x, y)
-        return np.stack([x * radial + tangential_x, y * radial + tangential_y], axis=-1)
+        distorted = np.empty((*rays.shape[:-1], 2))
+        kernel.distort(self._coefficients, _rows(rays), distorted.reshape(-1, 2))
+        return distorted
 
     def undistort(self, distorted: ArrayLike) -> FloatArray:
         """Inverse of `distort`, to rounding: fixed-point steps, then Newton where they have not settled.
@@ -97,26 +98,9 @@ class Camera(ByValue, ShortRepr):
         distorted = np.asarray(distorted, dtype=np.float64)
         if not self.distortion.any():
             return distorted
-        x0, y0 = distorted[..., 0], distorted[..., 1]
-        x, y = x0.copy(), y0.copy()
-        with np.errstate(all="ignore"):
-            for _ in range(3):
-                radial, tangential_x, tangential_y = self._distortion_terms(x, y)
-                x, y = (x0 - tangential_x) / radial, (y0 - tangential_y) / radial
-            error = np.full_like(x0, np.inf)
-            for _ in range(20):
-                radial, tangential_x, tangential_y = self._distortion_terms(x, y)
-                ex, ey = x * radial + tangential_x - x0, y * radial + tangential_y - y0
-                error = np.maximum(np.abs(ex), np.abs(ey))
-                if not (error > 1e-14).any():
-                    break
-                (a, b), (c, d) = self._distortion_jacobian(x, y)
-                determinant = a * d - b * c
-                x = x - (d * ex - b * ey) / determinant
-                y = y - (a * ey - c * ex) / determinant
-            (a, b), (c, d) = self._distortion_jacobian(x, y)
-            good = (error < 1e-9) & (a * d - b * c > 0) & (a > 0) & (d > 0)
-        return np.where(good[..., None], np.stack([x, y], axis=-1), np.nan)
+        rays = np.empty((*distorted.shape[:-1], 2))
+        kernel.undistort(self._coefficients, _rows(distorted), np.empty((rays.size // 2, 2)), rays.reshape(-1, 2))
+        return rays
 
     def ray_jacobian(self, rays: ArrayLike) -> FloatArray:
         """d pixel / d ray (..., 2, 2) at undistorted rays (..., 2)."""
@@ -161,20 +145,10 @@ class Camera(ByValue, ShortRepr):
             seen[seen] = (np.abs(self.unproject(pixels[seen]) - rays) <= SAME_RAY * (1 + np.abs(rays))).all(axis=-1)
         return seen
 
-    def _distortion_terms(self, x: FloatArray, y: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
-        k1, k2, p1, p2, k3 = self.distortion[:5]
-        r2 = x * x + y * y
-        radial = 1 + r2 * (k1 + r2 * (k2 + r2 * k3))
-        if len(self.distortion) >= 8:
-            k4, k5, k6 = self.distortion[5:8]
-            radial = radial / (1 + r2 * (k4 + r2 * (k5 + r2 * k6)))
-        tangential_x = 2 * p1 * x * y + p2 * (r2 + 2 * x * x)
-        tangential_y = p1 * (r2 + 2 * y * y) + 2 * p2 * x * y
-        if len(self.distortion) >= 12:
-            s1, s2, s3, s4 = self.distortion[8:12]
-            tangential_x = tangential_x + r2 * (s1 + s2 * r2)
-            tangential_y = tangential_y + r2 * (s3 + s4 * r2)
-        return radial, tangential_x, tangential_y
+    @property
+    def _coefficients(self) -> FloatArray:
+        """All twelve, those that the lens model lacks zero."""
+        return np.append(self.distortion, np.zeros(DISTORTION_LENGTHS[-1] - len(self.distortion)))
 
     def _distortion_jacobian(
         self, x: FloatArray, y: FloatArray
@@ -204,3 +178,8 @@ class Camera(ByValue, ShortRepr):
         lens = ", ".join(f"{number:.3g}" for number in self.distortion) if self.distortion.any() else "none"
         title = f"{width} x {height} px, focal lengths {vector([fx, fy], 5)}, centre {vector([x, y], 5)}"
         return f"{title}{f', skew {skew:.3g}' if skew else ''}, distortion {lens}", {}
+
+
+def _rows(rays: FloatArray) -> FloatArray:
+    """(N, 2) of rays (..., 2), as kernels take them."""
+    return np.ascontiguousarray(rays[..., :2]).reshape(-1, 2)

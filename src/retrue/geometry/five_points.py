@@ -73,8 +73,8 @@ def best_essentials(
 ) -> list[FloatArray]:
     """The essential matrices (3, 3) of samples of five that the most points agree with at each noise: MSAC.
 
-    Where a part of the points is wrong, and noisier than the right ones, they differ. Samples are drawn until one of
-    them is all right with 99 %, by the share that agrees.
+    Where a part of the points is wrong, and noisier than the right ones, they differ; else each is there once. Samples
+    are drawn until one of them is all right with 99 %, by the share that agrees.
 
     Parameters
     ----------
@@ -97,7 +97,11 @@ def best_essentials(
                 found[index] = candidates[which[index]]
         agreeing = float(agreement.max()) / max(len(scored), 1)
         enough = MISSED / np.log1p(-min(agreeing**5, 0.99)) if agreeing > 0.1 else most_samples
-    return [E for E in found if E is not None]
+    distinct: list[FloatArray] = []
+    for E in found:
+        if E is not None and not any(np.array_equal(E, other) for other in distinct):
+            distinct.append(E)
+    return distinct
 
 
 def sampson_squares(E: FloatArray, x: FloatArray, y: FloatArray) -> FloatArray:

@@ -63,14 +63,6 @@ def biweight(relative: FloatArray) -> FloatArray:
     return np.fmax(inside, 0.0) ** 2
 
 
-def biweights(families: FloatArray, levels: Sequence[float]) -> FloatArray:
-    """The same of families (K, N) of values over the level of each, in one pass."""
-    weights = np.empty(families.shape)
-    for values, level, own in zip(families, levels, weights, strict=True):
-        kernel.biweights(values, level, CUTOFF, own)
-    return weights
-
-
 def count_between(
     values: FloatArray, rows: BoolArray, level: float, bounds: tuple[float, float, float]
 ) -> tuple[int, int]:
@@ -79,6 +71,13 @@ def count_between(
     counts = np.empty(2, dtype=np.int64)
     kernel.count_between(values, rows.view(np.uint8), level, *bounds, counts)
     return int(counts[0]), int(counts[1])
+
+
+def silenced(families: FloatArray, weights: FloatArray, rows: BoolArray) -> tuple[FloatArray, FloatArray]:
+    """Copies of families (K, N) of values and of their weights, those rows (N,) NaN, and without weight."""
+    values, left = np.empty(families.shape), np.empty(weights.shape)
+    kernel.silence(families, weights, rows.view(np.uint8), values, left)
+    return values, left
 
 
 def gather_weights(
@@ -168,20 +167,29 @@ def grid_blocks(points: FloatArray, group: IntArray, per_side: int) -> IntArray:
     return blocks
 
 
-def with_shared_part(values: FloatArray, weights: FloatArray, level: float, blocks: IntArray, per_side: int) -> Noise:
-    """Split the scatter of block means into what independent noise explains and what it does not.
+def noises_and_weights(
+    families: FloatArray, levels: Sequence[float], blocks: IntArray, per_side: int
+) -> tuple[list[Noise], FloatArray]:
+    """Of families (K, N) of values, each over its level, the noise that blocks (K, N) share, and `biweight` (K, N).
 
-    With n points of independent level s in each block, Q = sum n mean^2 / s^2 is chi-square with one degree
-    of freedom a block; what it exceeds that by is the shared part (DerSimonian and Laird 1986). Where neighbouring
-    blocks are alike, a slow error runs through them, and they tell less than as many that err each by itself. Block -1
-    stands for no residual. Blocks are those of `grid_blocks`, so many per side.
+    The scatter of block means is split into what independent noise explains and what it does not. With n points of
+    independent level s in each block, Q = sum n mean^2 / s^2 is chi-square with one degree of freedom a block; what it
+    exceeds that by is the shared part (DerSimonian and Laird 1986). Where neighbouring blocks are alike, a slow error
+    runs through them, and they tell less than as many that err each by itself. Block -1 stands for no residual. Blocks
+    are those of `grid_blocks`, so many per side.
     """
-    variance = np.empty(len(values))
+    weights, variances = np.empty(families.shape), np.empty(families.shape)
     groups = int(blocks.max(initial=-1)) // per_side**2 + 1
     number, total = np.empty((2, groups * per_side**2 + 1))  # the last stays empty: it is block -1
-    shared = cast("float", kernel.shared_part(values, weights, level, blocks, number, total, variance))
-    alikeness = _alikeness(number, total, shared, per_side) if shared > 0 else 1.0
-    return Noise(level, shared, level**2 + (variance - level**2) * alikeness, alikeness)
+    noises: list[Noise] = []
+    for values, level, mine, own, variance in zip(families, levels, blocks, weights, variances, strict=True):
+        shared = cast("float", kernel.shared_part(values, level, CUTOFF, mine, number, total, own, variance))
+        if shared > 0:
+            alikeness = _alikeness(number, total, shared, per_side)
+            noises.append(Noise(level, shared, level**2 + (variance - level**2) * alikeness, alikeness))
+        else:
+            noises.append(Noise(level, shared, variance))
+    return noises, weights
 
 
 def _alikeness(number: FloatArray, total: FloatArray, shared: float, per_side: int) -> float:

@@ -57,10 +57,8 @@ def triangulate(
     R, t = projector_from_camera.R, projector_from_camera.t
     x = np.ascontiguousarray(array_of(camera_rays, (None, 2), "camera_rays"))
     y = np.ascontiguousarray(array_of(projector_rays, (len(x), 2), "projector_rays"))
-    vx, vy = (
-        np.square(array_of(np.atleast_1d(sigma), (1 if np.ndim(sigma) == 0 else len(x),), name))
-        for sigma, name in ((camera_sigma, "camera_sigma"), (projector_sigma, "projector_sigma"))
-    )
+    vx = np.square(_one_or_each(camera_sigma, len(x), "camera_sigma"))
+    vy = np.square(_one_or_each(projector_sigma, len(x), "projector_sigma"))
     points = np.empty((len(x), 3))
     R, t, E = (np.ascontiguousarray(part) for part in (R, t, skew(t) @ R))
     kernel.triangulate(R, t, E, x, y, vx, vy, SMALLEST_PARALLAX, points)
@@ -136,14 +134,28 @@ def sampson_distances(
     [0.021213]
     """
     E = skew(projector_from_camera.t) @ projector_from_camera.R
-    x, y = np.asarray(camera_rays, dtype=np.float64), np.asarray(projector_rays, dtype=np.float64)
-    line_in_projector = x @ E[:, :2].T + E[:, 2]
-    line_in_camera = y @ E[:2, :2] + E[2, :2]
-    error = (y * line_in_projector[:, :2]).sum(axis=1) + line_in_projector[:, 2]
-    variance = np.square(camera_sigma) * np.square(line_in_camera).sum(axis=1)
-    variance = variance + np.square(projector_sigma) * np.square(line_in_projector[:, :2]).sum(axis=1)
-    with np.errstate(invalid="ignore", divide="ignore"):
-        return np.where(variance > 0, error / np.sqrt(variance), np.nan)
+    return distances_of_essential(E, camera_rays, projector_rays, camera_sigma, projector_sigma)
+
+
+def distances_of_essential(
+    E: FloatArray,
+    camera_rays: ArrayLike,
+    projector_rays: ArrayLike,
+    camera_sigma: ArrayLike = 1.0,
+    projector_sigma: ArrayLike = 1.0,
+) -> FloatArray:
+    """The same (N,) of an essential matrix (3, 3), of any scale."""
+    x = np.ascontiguousarray(array_of(camera_rays, (None, 2), "camera_rays"))
+    y = np.ascontiguousarray(array_of(projector_rays, (len(x), 2), "projector_rays"))
+    sigma = _one_or_each(camera_sigma, len(x), "camera_sigma"), _one_or_each(projector_sigma, len(x), "projector_sigma")
+    distances = np.empty(len(x))
+    kernel.sampson(np.ascontiguousarray(E), x, y, *sigma, distances)
+    return distances
+
+
+def _one_or_each(sigma: ArrayLike, count: int, name: str) -> FloatArray:
+    """(1,) of a number, else (N,)."""
+    return np.ascontiguousarray(array_of(np.atleast_1d(sigma), (1 if np.ndim(sigma) == 0 else count,), name))
 
 
 def _least_squares(R: FloatArray, t: FloatArray, x: _Columns, y: _Columns) -> tuple[FloatArray, FloatArray, FloatArray]:

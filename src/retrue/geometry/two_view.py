@@ -16,7 +16,7 @@ import numpy as np
 from retrue.errors import DegenerateError
 from retrue.geometry.arrays import BoolArray, FloatArray, IntArray
 from retrue.geometry.transform import RigidTransform, skew
-from retrue.geometry.triangulation import sampson_distances
+from retrue.geometry.triangulation import distances_of_essential
 from retrue.kernels import steps
 from retrue.kernels import two_view as kernel
 
@@ -137,8 +137,8 @@ def epipolar_residuals(pose: RigidTransform | TwoViewPose, points: TwoViewPoints
     >>> epipolar_residuals(TwoViewPose(np.eye(3), np.array([1.0, 0, 0])), points).round(4).tolist()
     [-2.1213]
     """
-    sigmas = {"camera_sigma": points.camera_sigma, "projector_sigma": points.projector_sigma}
-    return sampson_distances(RigidTransform(pose.R, pose.t), points.camera_rays, points.projector_rays, **sigmas)
+    sigmas = points.camera_sigma, points.projector_sigma
+    return distances_of_essential(skew(pose.t) @ pose.R, points.camera_rays, points.projector_rays, *sigmas)
 
 
 def residuals(pose: TwoViewPose, points: TwoViewPoints, bows: PlaneBows = NO_BOWS) -> Residuals:

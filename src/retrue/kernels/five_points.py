@@ -57,13 +57,11 @@ def most_agreed(
     count: cython.Py_ssize_t = x.shape[1]
     number: cython.Py_ssize_t = limits.shape[0]
     gain = cython.declare(cython.double[16])
-    above, below = cython.declare(cython.double[16]), cython.declare(cython.double[16])
+    square, share = cython.declare(cython.double[16]), cython.declare(cython.double[16])
     if number > MOST_LIMITS:
         raise ValueError("essential matrices: more limits than there is room for")
-    widest = 0.0
     for j in range(number):
         best[j] = -1
-        widest = max(widest, limits[j])
     with cython.nogil:
         for i in range(E.shape[0]):
             e0, e1, e2 = E[i, 0, 0], E[i, 0, 1], E[i, 0, 2]
@@ -80,14 +78,13 @@ def most_agreed(
                     ly = e3 * x[0, start + m] + e4 * x[1, start + m] + e5
                     mx, my = e0 * u + e3 * v + e6, e1 * u + e4 * v + e7
                     value = lx * u + ly * v + e6 * x[0, start + m] + e7 * x[1, start + m] + e8
-                    above[m] = value * value
-                    below[m] = lx * lx + ly * ly + mx * mx + my * my
-                for m in range(stop):
-                    if above[m] < widest * below[m]:
-                        square = above[m] / below[m]
-                        for j in range(number):
-                            if square < limits[j]:
-                                gain[j] += 1 - square / limits[j]
+                    square[m] = value * value / (lx * lx + ly * ly + mx * mx + my * my)
+                for j in range(number):
+                    for m in range(stop):  # a branch on each would be guessed wrongly as often as not
+                        part = 1 - square[m] / limits[j]
+                        share[m] = part if part > 0 else 0.0
+                    for m in range(stop):
+                        gain[j] += share[m]
                 start += ASKED
                 hopeless: cython.bint = True
                 for j in range(number):

@@ -1,4 +1,4 @@
-"""Rays through lenses that change: where they go, and how with each unknown."""
+"""Rays through lenses, and through lenses that change: where they go, and how with each unknown."""
 
 from __future__ import annotations
 
@@ -10,6 +10,9 @@ NEAR = cython.declare(cython.double, 1e-7)
 FAR = cython.declare(cython.double, 1e3)  # a ray that the lens model cannot reach
 STEPS = cython.declare(cython.Py_ssize_t, 20)
 SMALLEST = cython.declare(cython.double, 1e-12)  # determinant, px^2
+FIXED = cython.declare(cython.Py_ssize_t, 3)  # steps of a fixed point, before Newton's
+REACHED = cython.declare(cython.double, 1e-9)
+NAN = cython.declare(cython.double, float("nan"))
 
 Distorted = cython.struct(
     x=cython.double,
@@ -20,6 +23,7 @@ Distorted = cython.struct(
     d=cython.double,
     by_k1=cython.double,  # times the ray
 )
+Terms = cython.struct(radial=cython.double, x=cython.double, y=cython.double)
 
 
 @cython.cfunc
@@ -46,6 +50,74 @@ def _distort(lens: cython.const[cython.double][::1], x: cython.double, y: cython
         radial + 2 * y * y * slope + 6 * p1 * y + 2 * p2 * x + thin_y * y,
         r2 / below,
     )
+
+
+@cython.cfunc
+@cython.nogil
+@cython.inline
+@cython.exceptval(check=False)
+def _terms(lens: cython.const[cython.double][::1], x: cython.double, y: cython.double) -> Terms:
+    """What the model multiplies a ray by, and what it adds."""
+    r2 = x * x + y * y
+    radial = 1 + r2 * (lens[0] + r2 * (lens[1] + r2 * lens[4]))
+    radial = radial / (1 + r2 * (lens[5] + r2 * (lens[6] + r2 * lens[7])))
+    by_x = 2 * lens[2] * x * y + lens[3] * (r2 + 2 * x * x)
+    by_y = lens[2] * (r2 + 2 * y * y) + 2 * lens[3] * x * y
+    return Terms(radial, by_x + r2 * (lens[8] + lens[9] * r2), by_y + r2 * (lens[10] + lens[11] * r2))
+
+
+def distort(
+    lens: cython.const[cython.double][::1],
+    rays: cython.const[cython.double][:, ::1],
+    distorted: cython.double[:, ::1],
+) -> None:
+    """`distorted` (N, 2) <- rays (N, 2) as a lens of twelve coefficients shows them."""
+    cython.declare(k=cython.Py_ssize_t)
+    with cython.nogil:
+        for k in range(rays.shape[0]):
+            x, y = rays[k, 0], rays[k, 1]
+            terms = _terms(lens, x, y)
+            distorted[k, 0], distorted[k, 1] = x * terms.radial + terms.x, y * terms.radial + terms.y
+
+
+def undistort(
+    lens: cython.const[cython.double][::1],
+    distorted: cython.const[cython.double][:, ::1],
+    error: cython.double[:, ::1],
+    rays: cython.double[:, ::1],
+) -> None:
+    """`rays` (N, 2) <- those that the lens distorts into (N, 2): steps of a fixed point, then Newton's for all of them
+    until each has settled; NaN where none does, or only beyond the fold of the model. `error` (N, 2) is room.
+    """
+    cython.declare(k=cython.Py_ssize_t)
+    with cython.nogil:
+        for k in range(distorted.shape[0]):
+            x, y = distorted[k, 0], distorted[k, 1]
+            for _ in range(FIXED):
+                terms = _terms(lens, x, y)
+                x, y = (distorted[k, 0] - terms.x) / terms.radial, (distorted[k, 1] - terms.y) / terms.radial
+            rays[k, 0], rays[k, 1] = x, y
+        for _ in range(STEPS):
+            settled: cython.bint = True
+            for k in range(distorted.shape[0]):
+                x, y = rays[k, 0], rays[k, 1]
+                terms = _terms(lens, x, y)
+                ex, ey = x * terms.radial + terms.x - distorted[k, 0], y * terms.radial + terms.y - distorted[k, 1]
+                error[k, 0], error[k, 1] = ex, ey
+                settled = settled and not (fabs(ex) > SETTLED or fabs(ey) > SETTLED)
+            if settled:
+                break
+            for k in range(distorted.shape[0]):
+                x, y, ex, ey = rays[k, 0], rays[k, 1], error[k, 0], error[k, 1]
+                seen = _distort(lens, x, y)
+                determinant = seen.a * seen.d - seen.b * seen.c
+                rays[k, 0] = x - (seen.d * ex - seen.b * ey) / determinant
+                rays[k, 1] = y - (seen.a * ey - seen.c * ex) / determinant
+        for k in range(distorted.shape[0]):
+            seen = _distort(lens, rays[k, 0], rays[k, 1])
+            reached: cython.bint = fabs(error[k, 0]) < REACHED and fabs(error[k, 1]) < REACHED
+            if not (reached and seen.a * seen.d - seen.b * seen.c > 0 and seen.a > 0 and seen.d > 0):
+                rays[k, 0], rays[k, 1] = NAN, NAN
 
 
 def move_rays(

@@ -6,6 +6,7 @@ import cython
 from cython.cimports.libc.math import fabs, sqrt
 
 INFINITY = cython.declare(cython.double, float("inf"))
+NAN = cython.declare(cython.double, float("nan"))
 FEWEST = cython.declare(cython.double, 3.0)  # points of a block that tell what they share
 MANY = cython.declare(cython.Py_ssize_t, 150)  # values that it pays to look at a few of
 FEW = cython.declare(cython.Py_ssize_t, 32)
@@ -38,17 +39,6 @@ def reweighted_level(
     return level
 
 
-def biweights(
-    values: cython.const[cython.double][::1], level: cython.double, cutoff: cython.double, weights: cython.double[::1]
-) -> None:
-    """(1 - (r / cutoff level)^2)^2, zero beyond."""
-    scale = 1 / (cutoff * level)
-    for k in range(values.shape[0]):
-        relative = values[k] * scale
-        inside = 1 - relative * relative
-        weights[k] = inside * inside if inside > 0 else 0.0
-
-
 def count_between(
     values: cython.const[cython.double][::1],
     rows: cython.const[cython.uchar][::1],
@@ -70,6 +60,21 @@ def count_between(
         less += (rows[k] != 0) & (value < nearest)
         between += (rows[k] != 0) & (near < value) & (value < far)
     counts[0], counts[1] = less, between
+
+
+def silence(
+    families: cython.const[cython.double][:, ::1],
+    weights: cython.const[cython.double][:, ::1],
+    rows: cython.const[cython.uchar][::1],
+    values: cython.double[:, ::1],
+    left: cython.double[:, ::1],
+) -> None:
+    """`values`, `left` (K, N) <- families of values and their weights, of those rows (N,) NaN and zero."""
+    cython.declare(i=cython.Py_ssize_t, k=cython.Py_ssize_t)
+    for i in range(families.shape[0]):
+        for k in range(rows.shape[0]):
+            values[i, k] = NAN if rows[k] else families[i, k]
+            left[i, k] = 0.0 if rows[k] else weights[i, k]
 
 
 def number_blocks(
@@ -243,21 +248,27 @@ def gather_weights(
 
 def shared_part(
     values: cython.const[cython.double][::1],
-    weights: cython.const[cython.double][::1],
     level: cython.double,
+    cutoff: cython.double,
     blocks: cython.const[cython.longlong][::1],
     number: cython.double[::1],
     total: cython.double[::1],
+    weights: cython.double[::1],
     variance: cython.double[::1],
 ) -> cython.double:
-    """`variance` (N,) <- effective ones, infinite in block -1; the shared part, zero where there is none to be seen.
+    """`weights` (N,) <- (1 - (r / cutoff level)^2)^2, zero beyond; `variance` (N,) <- effective ones, infinite in block
+    -1. Returns the shared part, zero where there is none to be seen.
 
     `number` and `total` are room for the sums of each block.
     """
     cython.declare(k=cython.Py_ssize_t)
+    scale = 1 / (cutoff * level)
     for k in range(number.shape[0]):
         number[k], total[k] = 0.0, 0.0
     for k in range(values.shape[0]):
+        relative = values[k] * scale
+        inside = 1 - relative * relative
+        weights[k] = inside * inside if inside > 0 else 0.0
         if weights[k] > 0:
             number[blocks[k]] += weights[k]
             total[blocks[k]] += weights[k] * values[k]

@@ -20,6 +20,7 @@ THIN = cython.declare(cython.double, 1e-12)  # twice the area of three points th
 SMALLEST_SHARE, LARGEST_SHARE = cython.declare(cython.double, 0.02), cython.declare(cython.double, 0.3)
 PIVOT = cython.declare(cython.double, 1e-13)  # relative, below which the points do not determine a homography
 REACH = cython.declare(cython.double, 2.0)  # of the first step, in cutoffs
+SETTLED = cython.declare(cython.double, 1e-9)  # of the cutoff, that a step changes H by
 
 Vector = cython.struct(x=cython.double, y=cython.double, z=cython.double)
 
@@ -289,14 +290,21 @@ def refine(
 
     Returns its support there, -1 where fewer than `fewest` are near or do not determine it.
     """
-    H = cython.declare(cython.double[9])
+    H, before = cython.declare(cython.double[9]), cython.declare(cython.double[9])
     if homography[8] == 0:
         return -1.0
     for i in range(9):
         H[i] = homography[i] / homography[8]
     for step in range(steps):
+        moved = 0.0
+        for i in range(9):
+            before[i] = H[i]
         if not _step(H, x, y, count, REACH * cutoff if step == 0 else cutoff, fewest):
             return -1.0
+        for i in range(9):
+            moved = max(moved, fabs(H[i] - before[i]))
+        if step > 0 and moved < SETTLED * cutoff:
+            break
     for i in range(9):
         homography[i] = H[i]
     return _support(H, x, y, count, cutoff, -1.0)

@@ -3,9 +3,12 @@
 from __future__ import annotations
 
 import cython
-from cython.cimports.libc.math import isfinite, sqrt
+from cython.cimports.libc.math import floor, isfinite, sqrt
 
 NAN = cython.declare(cython.double, float("nan"))
+# Parts of these many cells are spread evenly: Roberts' sequence in two dimensions.
+SPREAD_X = cython.declare(cython.double, 0.7548776662466927)
+SPREAD_Y = cython.declare(cython.double, 0.5698402909980532)
 
 Pixel = cython.fused_type(cython.uchar, cython.ushort)
 
@@ -142,3 +145,57 @@ def turned_over(
                     alike += way > 0
                     other += way < 0
             found[k] = other >= fewest and alike == 0
+
+
+@cython.cfunc
+@cython.nogil
+@cython.inline
+@cython.exceptval(check=False)
+def _distance(
+    pixels: cython.const[cython.double][:, ::1], k: cython.Py_ssize_t, other: cython.Py_ssize_t
+) -> cython.double:
+    x, y = pixels[k, 0] - pixels[other, 0], pixels[k, 1] - pixels[other, 1]
+    return sqrt(x * x + y * y)
+
+
+def drop_copies(
+    camera: cython.const[cython.double][:, ::1],
+    projector: cython.const[cython.double][:, ::1],
+    noise: cython.const[cython.double][::1],
+    reach: cython.double,
+    cell: cython.double[:, ::1],
+    slot: cython.int[::1],
+    table: cython.int[::1],
+    kept: cython.uchar[::1],
+) -> cython.void:
+    """`kept` (N,) <- 0 of places (N, 2) that lie within reach, in both pictures, of the one of least noise in their
+    cell; of as much, it is the first. Cells are squares of twice the reach, of four nets: copies lie in one of some.
+
+    `cell` (N, 2), `slot` (N,) and `table`, longer than N, are room: the table says which place is the best of a cell.
+    """
+    cython.declare(net=cython.int, k=cython.Py_ssize_t, place=cython.Py_ssize_t, best=cython.int)
+    size: cython.Py_ssize_t = table.shape[0]
+    with cython.nogil:
+        for net in range(4):
+            for place in range(size):
+                table[place] = -1
+            for k in range(camera.shape[0]):
+                if not kept[k]:
+                    continue
+                cell[k, 0] = floor(camera[k, 0] / (2 * reach) + 0.5 * (net % 2))
+                cell[k, 1] = floor(camera[k, 1] / (2 * reach) + 0.5 * (net // 2))
+                part = SPREAD_X * cell[k, 0] + SPREAD_Y * cell[k, 1]
+                part -= floor(part)
+                place = cython.cast(cython.Py_ssize_t, part * size) if 0 <= part < 1 else 0
+                best = table[place]
+                while best >= 0 and not (cell[best, 0] == cell[k, 0] and cell[best, 1] == cell[k, 1]):
+                    place = place + 1 if place + 1 < size else 0
+                    best = table[place]
+                slot[k] = place
+                if best < 0 or noise[k] < noise[best] or (noise[best] != noise[best] and noise[k] == noise[k]):
+                    table[place] = k
+            for k in range(camera.shape[0]):
+                if kept[k] and table[slot[k]] != k:
+                    best = table[slot[k]]
+                    if _distance(camera, k, best) < reach and _distance(projector, k, best) < reach:
+                        kept[k] = 0

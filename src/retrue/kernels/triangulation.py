@@ -1,9 +1,9 @@
-"""Where two rays meet that miss each other by noise: Lindstrom's iteration, point by point."""
+"""How far matched rays miss each other, or a homography, and where they meet: Lindstrom's iteration, point by point."""
 
 from __future__ import annotations
 
 import cython
-from cython.cimports.libc.math import sqrt
+from cython.cimports.libc.math import fabs, sqrt
 
 NAN = cython.declare(cython.double, float("nan"))
 INFINITY = cython.declare(cython.double, float("inf"))
@@ -60,3 +60,62 @@ def triangulate(
             if not (0 < Z < INFINITY and Z * w3 + t[2] > 0):
                 Z = NAN
             points[k, 0], points[k, 1], points[k, 2] = p1 * Z, p2 * Z, Z
+
+
+def sampson(
+    E: cython.const[cython.double][:, ::1],
+    camera_rays: cython.const[cython.double][:, ::1],
+    projector_rays: cython.const[cython.double][:, ::1],
+    camera_sigma: cython.const[cython.double][::1],
+    projector_sigma: cython.const[cython.double][::1],
+    distances: cython.double[::1],
+) -> None:
+    """`distances` (N,) <- signed ones of rays (N, 2) from meeting, in their sigmas (N,), or (1,) for all; NaN at an
+    epipole. To first order: the equation is that of `geometry.triangulation`.
+    """
+    cython.declare(k=cython.Py_ssize_t)
+    camera_stride: cython.Py_ssize_t = camera_sigma.shape[0] > 1
+    projector_stride: cython.Py_ssize_t = projector_sigma.shape[0] > 1
+    with cython.nogil:
+        for k in range(camera_rays.shape[0]):
+            x, y, u, v = camera_rays[k, 0], camera_rays[k, 1], projector_rays[k, 0], projector_rays[k, 1]
+            by_x, by_y = camera_sigma[k * camera_stride], projector_sigma[k * projector_stride]
+            l1, l2 = E[0, 0] * x + E[0, 1] * y + E[0, 2], E[1, 0] * x + E[1, 1] * y + E[1, 2]
+            m1, m2 = E[0, 0] * u + E[1, 0] * v + E[2, 0], E[0, 1] * u + E[1, 1] * v + E[2, 1]
+            error = u * l1 + v * l2 + (E[2, 0] * x + E[2, 1] * y + E[2, 2])
+            variance = by_x * by_x * (m1 * m1 + m2 * m2) + by_y * by_y * (l1 * l1 + l2 * l2)
+            distances[k] = error / sqrt(variance) if variance > 0 else NAN
+
+
+def missed(
+    homographies: cython.const[cython.double][:, :, ::1],
+    plane_index: cython.const[cython.longlong][::1],
+    camera_rays: cython.const[cython.double][:, ::1],
+    projector_rays: cython.const[cython.double][:, ::1],
+    camera_sigma: cython.const[cython.double][::1],
+    projector_sigma: cython.const[cython.double][::1],
+    found: cython.double[:, ::1],
+) -> None:
+    """`found` (N, 2) <- what the homography (P, 3, 3) of its plane misses each point by, in its own sigma; NaN on none.
+
+    The camera's noise counts as large as the homography makes it there: by root |det d y / d x|.
+    """
+    cython.declare(k=cython.Py_ssize_t, p=cython.Py_ssize_t)
+    with cython.nogil:
+        for k in range(camera_rays.shape[0]):
+            p = plane_index[k]
+            found[k, 0], found[k, 1] = NAN, NAN
+            if not 0 <= p < homographies.shape[0]:
+                continue
+            x, y = camera_rays[k, 0], camera_rays[k, 1]
+            a, b, c = homographies[p, 0, 0], homographies[p, 0, 1], homographies[p, 0, 2]
+            d, e, f = homographies[p, 1, 0], homographies[p, 1, 1], homographies[p, 1, 2]
+            g, h, i = homographies[p, 2, 0], homographies[p, 2, 1], homographies[p, 2, 2]
+            determinant = a * (e * i - f * h) - b * (d * i - f * g) + c * (d * h - e * g)
+            depth = g * x + h * y + i
+            if depth == 0:
+                continue
+            magnified = fabs(determinant / (depth * depth * depth))
+            sigma = sqrt(camera_sigma[k] * camera_sigma[k] * magnified + projector_sigma[k] * projector_sigma[k])
+            found[k, 0] = (projector_rays[k, 0] - (a * x + b * y + c) / depth) / sigma
+            found[k, 1] = (projector_rays[k, 1] - (d * x + e * y + f) / depth) / sigma

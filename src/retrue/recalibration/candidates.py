@@ -67,8 +67,7 @@ def check_spread(rays: Rays, options: RecalibrateOptions) -> None:
 
 def _spread(points: FloatArray) -> tuple[float, float]:
     """Standard deviations along the widest and the narrowest direction."""
-    centred = points - points.mean(axis=0)
-    low, high = np.linalg.eigvalsh(centred.T @ centred / max(len(points) - 1, 1))
+    low, high = np.linalg.eigvalsh(np.cov(np.ascontiguousarray(points.T)))
     return float(np.sqrt(max(high, 0.0))), float(np.sqrt(max(low, 0.0)))
 
 
@@ -184,7 +183,7 @@ def _of_five_points(
         return rows
 
     scored = rng.choice(len(points), min(SCORED_POINTS, len(points)), replace=False)
-    nominal = float(np.median(np.hypot(points.camera_sigma, points.projector_sigma)))
+    nominal = quantile(np.hypot(points.camera_sigma, points.projector_sigma), 0.5)
     noises = [noise]
     while noises[-1] > 0.3 * nominal:  # what is wrong may lie near, and make neighbours look noisy
         noises.append(noises[-1] / 3)
@@ -391,7 +390,7 @@ def twins_of(pose: TwoViewPose, points: TwoViewPoints) -> list[TwoViewPose]:
 
 def match_noise(points: TwoViewPoints, rng: np.random.Generator) -> float:
     """Noise of a match in the unit of the rays: what neighbours say, at least what the points say of themselves."""
-    nominal = float(np.median(np.hypot(points.camera_sigma, points.projector_sigma)))
+    nominal = quantile(np.hypot(points.camera_sigma, points.projector_sigma), 0.5)
     return max(2 * local_noise(points.camera_rays, points.projector_rays, rng), 0.3 * nominal)
 
 

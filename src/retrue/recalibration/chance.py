@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from math import erfc, exp, log, pi, sqrt
 
 import numpy as np
 
 from retrue.geometry.arrays import BoolArray, FloatArray
-from retrue.geometry.robust import CUTOFF, count_between
+from retrue.geometry.robust import CUTOFF, count_between, silenced
 from retrue.geometry.two_view import FREE, Residuals
 from retrue.recalibration.fit import PoseFit
 
@@ -33,10 +32,8 @@ def without_chance(fit: PoseFit, aside: BoolArray | None) -> PoseFit:
         silent = free if aside is None else free | aside
     if silent is None or not silent.any():
         return fit
-    both, weights = fit.found.both.copy(), fit.robust_weights.copy()
-    np.copyto(both, np.nan, where=silent)
-    np.copyto(weights, 0.0, where=silent)
-    return replace(fit, found=Residuals(both), robust_weights=weights)
+    both, weights = silenced(fit.found.both, fit.robust_weights, silent)
+    return PoseFit(fit.pose, fit.points, Residuals(both), *fit.noises, weights)
 
 
 def beyond_chance(preferred: FloatArray) -> float:

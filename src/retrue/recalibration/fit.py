@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
+from math import log, sqrt
 
 import numpy as np
 
@@ -15,11 +16,10 @@ from retrue.geometry.robust import (
     Noise,
     biweight_level,
     biweight_loss,
-    biweights,
     gather_weights,
     grid_blocks,
+    noises_and_weights,
     reweighted_level,
-    with_shared_part,
 )
 from retrue.geometry.transform import vector_from_rotation
 from retrue.geometry.two_view import (
@@ -165,12 +165,8 @@ def evaluate(pose: TwoViewPose, support: Support, bows: PlaneBows = NO_BOWS, asi
     if freedom < 1:
         raise DegenerateError("pose: fewer measurements than unknowns; more correspondences are needed")
     levels = _levels(found, on_plane, count / freedom)
-    robust_weights = biweights(found.both, levels)
-    epipolar_noise, along_noise = (
-        with_shared_part(*family, BLOCKS)
-        for family in zip(found.both, robust_weights, levels, support.blocks, strict=True)
-    )
-    return PoseFit(pose, support.points, found, epipolar_noise, along_noise, robust_weights)
+    (across, along), robust_weights = noises_and_weights(found.both, levels, support.blocks, BLOCKS)
+    return PoseFit(pose, support.points, found, across, along, robust_weights)
 
 
 def chi_square(fit: PoseFit, reference: PoseFit) -> FloatArray:
@@ -210,8 +206,8 @@ def _levels(found: Residuals, on_plane: int, correction: float) -> tuple[float, 
         pooled = biweight_level(found.both.ravel(), correction)
         return pooled, pooled
     epipolar, along = biweight_level(found.epipolar, correction), biweight_level(found.along, correction)
-    spread = np.sqrt(2 / across + 2 / on_plane)
-    if abs(2 * np.log(along / epipolar)) > 4 * spread:
+    spread = sqrt(2 / across + 2 / on_plane)
+    if abs(2 * log(along / epipolar)) > 4 * spread:
         return epipolar, along
     between = (across * epipolar + on_plane * along) / (across + on_plane)
     pooled = reweighted_level(found.both.ravel(), between, correction)

@@ -95,6 +95,7 @@ from retrue.rig import Rig
 COMPARED_POINTS = 1500  # enough to tell hypotheses apart; the best is then fitted to all
 LEAST_LEFT = 0.05  # of the points, as many as a plane holds at least
 LEAST_TURNED = 0.03  # of the points; wrong matches turn a few over, too
+HELD = 1e-3  # of good rigs, that are not taken to hold still
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -330,9 +331,10 @@ def objection(
     if np.isnan(sigma.displacement):
         return PoseUndetermined("pose: seen from it, the pictures share no points at the working distance; show more")
     error = sigma.displacement / distance
-    allowed = allowed_error(judgement.measured.rig, judgement.answer.pose, distance, options)
-    if not error <= allowed:
-        return Imprecise(sigma.rotation_deg, sigma.translation_deg, error, allowed)
+    if not error <= options.max_error:
+        allowed = allowed_error(judgement.measured.rig, judgement.answer.pose, distance, options)
+        if not error <= allowed:
+            return Imprecise(sigma.rotation_deg, sigma.translation_deg, error, allowed)
     return None
 
 
@@ -371,14 +373,11 @@ def own_covariance(rig: Rig, options: RecalibrateOptions) -> FloatArray:
 
 def holds(rig: Rig, judgement: Judgement, evidence: Evidence, options: RecalibrateOptions) -> bool:
     """Whether the rig's own pose explains the captures too, and is known more closely than they know it."""
-    deviations = drift(rig, judgement, options)
-    if evidence.sigma is None or evidence.sigma.displacement is None:
+    found = None if evidence.sigma is None else evidence.sigma.displacement
+    if found is None or not drift(rig, judgement, options) <= deviations_limit(HELD):
         return False
     known = sigma_at(evidence.working_distance, own_covariance(rig, options), own_pose(rig), rig).displacement
-    return known is not None and known <= evidence.sigma.displacement and deviations <= deviations_limit(HELD)
-
-
-HELD = 1e-3
+    return known is not None and known <= found
 
 
 def _measured(

@@ -92,7 +92,7 @@ def lens_evidence(
         for start, iterations in starts:
             with suppress(DegenerateError):
                 fits.append(fit_posterior(real, start, free, iterations))
-        posterior = least(fits, measured)
+        posterior = least(fits)
         others = tuple(fit for fit in fits if not same_pose(fit.pose, posterior.pose))
         nearer = 2 * (move_nats(moved) - move_nats(move_deg(posterior.pose, old)))
         gain = _gain(real, best, posterior, tight, part) + nearer
@@ -131,7 +131,9 @@ def _with_each_alone(measured: Measured, best: Posterior, tight: LensPrior, wide
     if len(best.pose.planes) and measured.textured:
         return None
     alone = replace(measured, support=measured.support.each_alone())
-    if not _asked(posterior_at(alone, best.parameters, best.prior), tight, wide)[2] > CHANGED_GAIN:
+    shares = best.measured is not measured or any(noise.shared > 0 for noise in best.fit.noises)
+    seen = posterior_at(alone, best.parameters, best.prior) if shares else best  # none shares its error anyway
+    if not _asked(seen, tight, wide)[2] > CHANGED_GAIN:
         return None
     try:
         return fit_posterior(alone, best.parameters, Prior(wide, free=True), 30).parameters

@@ -28,16 +28,18 @@ def allowed_error(rig: Rig, pose: TwoViewPose, distance: float, options: Recalib
 
 def near_rivals(answer: Posterior, rivals: Sequence[Rival], rig: Rig, options: RecalibrateOptions) -> list[Rival]:
     """Those that are not beaten, and from which points differ by less than the answer may be off."""
+    unbeaten = [rival for rival in rivals if not rival.margin >= options.min_margin]
+    if not unbeaten:
+        return []
     distance = working_distance(answer.fit, answer.points, float(np.linalg.norm(rig.projector_from_camera.t)))
     if distance is None:
         return []
     allowed = allowed_error(rig, answer.pose, distance, options)
     found: list[Rival] = []
-    for rival in rivals:
-        if not rival.margin >= options.min_margin:
-            apart = sigma_at(distance, _square(answer, rival), answer.pose, rig).displacement
-            if apart is not None and apart <= allowed * distance:
-                found.append(rival)
+    for rival in unbeaten:
+        apart = sigma_at(distance, _square(answer, rival), answer.pose, rig).displacement
+        if apart is not None and apart <= allowed * distance:
+            found.append(rival)
     return found
 
 

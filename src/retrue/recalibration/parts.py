@@ -10,8 +10,9 @@ import numpy as np
 from retrue.errors import DegenerateError
 from retrue.geometry.arrays import BoolArray, FloatArray, IntArray
 from retrue.geometry.five_points import best_essentials, sampson_squares
-from retrue.geometry.robust import CUTOFF, biweight_level, within_reach_of_mode
+from retrue.geometry.robust import CUTOFF, biweight_level, quantile, within_reach_of_mode
 from retrue.geometry.two_view import FREE, POSE_PARAMETERS, TwoViewPoints
+from retrue.kernels import triangulation as kernel
 from retrue.recalibration.candidates import behind
 from retrue.recalibration.contradiction import contradiction
 from retrue.recalibration.fit import squared_sigmas
@@ -75,13 +76,11 @@ def unexplained(posterior: Posterior) -> BoolArray:
 
 def homography_residuals(points: TwoViewPoints, homographies: Sequence[FloatArray]) -> FloatArray:
     """(N, 2) what the homography of each point's plane leaves by itself, in the point's own sigma; NaN on none."""
-    missed = np.full((len(points), 2), np.nan)
-    for index, H in enumerate(homographies):
-        mine = points.plane_index == index
-        x = np.column_stack([points.camera_rays[mine], np.ones(np.count_nonzero(mine))]) @ H.T
-        magnified = np.sqrt(np.abs(np.linalg.det(H) / x[:, 2] ** 3))
-        sigma = np.hypot(points.camera_sigma[mine] * magnified, points.projector_sigma[mine])
-        missed[mine] = (points.projector_rays[mine] - x[:, :2] / x[:, 2:]) / sigma[:, None]
+    missed = np.empty((len(points), 2))
+    stack = np.array(homographies, dtype=np.float64).reshape(-1, 3, 3)
+    rays = np.ascontiguousarray(points.camera_rays), np.ascontiguousarray(points.projector_rays)
+    sigmas = np.ascontiguousarray(points.camera_sigma), np.ascontiguousarray(points.projector_sigma)
+    kernel.missed(stack, np.ascontiguousarray(points.plane_index), *rays, *sigmas, missed)
     return missed
 
 
@@ -112,9 +111,9 @@ def shifted_copy(posterior: Posterior, outside: BoolArray) -> Part | None:
         return None
     camera, projector = measured.rig.camera, measured.rig.projector
     focal = projector.K[0, 0]
-    sigma = np.hypot(points.camera_sigma * camera.K[0, 0], points.projector_sigma * focal)[rows]
+    sigma = np.hypot(points.camera_sigma[rows] * camera.K[0, 0], points.projector_sigma[rows] * focal)
     along = posterior.fit.along_noise
-    noise = 4 * float(np.median(sigma) * np.hypot(along.level, along.shared))
+    noise = 4 * float(quantile(sigma, 0.5) * np.hypot(along.level, along.shared))
     x = np.column_stack([points.camera_rays[rows], np.ones(len(rows))])
     y = np.column_stack([points.projector_rays[rows], np.ones(len(rows))])
     found: list[tuple[BoolArray, FloatArray, int, int]] = []
@@ -324,4 +323,4 @@ def _level(missed: FloatArray) -> float:
 
 
 def _noise(points: TwoViewPoints, level: float) -> float:
-    return float(np.median(_sigma(points))) * float(level)
+    return quantile(_sigma(points), 0.5) * float(level)

@@ -21,6 +21,7 @@ from retrue.geometry.two_view import (
     POSE_PARAMETERS,
     TwoViewPoints,
     TwoViewPose,
+    behind,
     corrected_rays,
     solve_normal_equations,
     step_equations,
@@ -117,7 +118,8 @@ class Prior:
 
     def cost(self, parameters: Parameters) -> float:
         """Squared Mahalanobis length of the parameters in it."""
-        cost = float(parameters.lens @ self.lens.precision @ parameters.lens) + float((parameters.bows**2).sum())
+        lens, bows = parameters.lens, parameters.bows
+        cost = float(lens @ self.lens.precision @ lens) + float(np.vdot(bows, bows))
         if self.pose is not None:
             difference = pose_difference(self.pose.pose, parameters.pose)
             cost += float(difference @ self.pose.precision @ difference)
@@ -177,8 +179,7 @@ class Posterior:
         """
         if self.prior.free:
             return _inverse(self.information)[:POSE_PARAMETERS, :POSE_PARAMETERS] * COVARIANCE_FACTOR
-        together = 0.0 if self.prior.together is None else self.prior.together
-        apart = self.follows - together
+        apart = self.follows - (0.0 if self.prior.together is None else self.prior.together)
         return self.statistical_covariance + apart @ self._kept @ apart.T
 
     @cached_property
@@ -187,9 +188,7 @@ class Posterior:
 
         A and B are the information of all else and its part with the lenses.
         """
-        own, lens = self._parts
-        inverse = _inverse(self.information[np.ix_(own, own)])[:POSE_PARAMETERS]
-        return -inverse @ self.information[np.ix_(own, lens)]
+        return -self._own_inverse @ self.information[np.ix_(*self._parts)]
 
     @property
     def _kept(self) -> FloatArray:
@@ -198,25 +197,23 @@ class Posterior:
     @property
     def joint_covariance(self) -> FloatArray:
         """(13, 13) of the pose and both lenses: lenses that are not free move the pose with them, see `covariance`."""
-        size = POSE_PARAMETERS + LENSES
-        joint = np.empty((size, size))
         if self.prior.free:
             pose_and_lenses = np.concatenate([np.arange(POSE_PARAMETERS), self._parts[1]])
-            joint[:] = _inverse(self.information)[np.ix_(pose_and_lenses, pose_and_lenses)]
+            joint = _inverse(self.information)[np.ix_(pose_and_lenses, pose_and_lenses)]
             joint[:POSE_PARAMETERS, :POSE_PARAMETERS] = self.covariance
             return joint
         cross = self.follows @ self._kept
-        joint[:POSE_PARAMETERS, :POSE_PARAMETERS] = self.statistical_covariance + cross @ self.follows.T
-        joint[:POSE_PARAMETERS, POSE_PARAMETERS:] = cross
-        joint[POSE_PARAMETERS:, :POSE_PARAMETERS] = cross.T
-        joint[POSE_PARAMETERS:, POSE_PARAMETERS:] = self._kept
-        return joint
+        return np.block([[self.statistical_covariance + cross @ self.follows.T, cross], [cross.T, self._kept]])
 
     @cached_property
     def statistical_covariance(self) -> FloatArray:
         """(5, 5) of the pose, the lenses being exactly as they are."""
+        return self._own_inverse[:, :POSE_PARAMETERS] * COVARIANCE_FACTOR
+
+    @cached_property
+    def _own_inverse(self) -> FloatArray:
         own, _ = self._parts
-        return _inverse(self.information[np.ix_(own, own)])[:POSE_PARAMETERS, :POSE_PARAMETERS] * COVARIANCE_FACTOR
+        return _inverse(self.information[np.ix_(own, own)])[:POSE_PARAMETERS]
 
     @cached_property
     def eased(self) -> Posterior:
@@ -243,6 +240,13 @@ class Posterior:
         return negative_log_likelihood(self.fit, self.measured.support.blocks)
 
     @cached_property
+    def impossible(self) -> BoolArray:
+        """(N,) points that it has behind a device, or explains where it hides them: surfaces are opaque."""
+        from retrue.recalibration.rivals import hidden
+
+        return behind(self.pose, self.points, self.fit.epipolar_noise.level) | hidden(self)
+
+    @cached_property
     def parts(self) -> list[Part]:
         """Shifted copies of planes that it explains, and planes that it does not: each has its own explanation."""
         from retrue.recalibration.parts import planes_apart, shifted_copies, unexplained
@@ -253,8 +257,7 @@ class Posterior:
     @property
     def lens_covariance(self) -> FloatArray:
         """(8, 8) of free lenses, all else being free too."""
-        _, lens = self._parts
-        return _inverse(self.information)[np.ix_(lens, lens)]
+        return _inverse(self.information)[np.ix_(self._parts[1], self._parts[1])]
 
     @property
     def lens_information(self) -> FloatArray:
@@ -285,7 +288,7 @@ class Posterior:
         told = information[first:, first:] - cross.T @ solve_normal_equations(information[:first, :first], cross)
         return (told + told.T) / 2
 
-    @property
+    @cached_property
     def _parts(self) -> tuple[IntArray, IntArray]:
         """Numbers of all parameters but the lenses, the pose first; and of the lenses."""
         start = POSE_PARAMETERS + 3 * len(self.pose.planes)
@@ -355,9 +358,8 @@ def improved(here: Posterior, iterations: int) -> Posterior:
 
 def _cost(fit: Posterior, reference: Posterior) -> float:
     """In the noise of the reference, which a step is taken in."""
-    noises = reference.fit.epipolar_noise, reference.fit.along_noise
-    losses = [total_loss(*family) for family in zip(fit.fit.found.both, noises, strict=True)]
-    return sum(losses) + fit.prior_cost
+    families = zip(fit.fit.found.both, reference.fit.noises, strict=True)
+    return sum(total_loss(*family) for family in families) + fit.prior_cost
 
 
 def posterior_at(measured: Measured, parameters: Parameters, prior: Prior) -> Posterior:
@@ -366,15 +368,13 @@ def posterior_at(measured: Measured, parameters: Parameters, prior: Prior) -> Po
     bows = measured.bends, np.ascontiguousarray(parameters.bows)
     fit = evaluate(parameters.pose, Support(points, measured.support.blocks), bows, measured.aside)
     fit = without_chance(fit, measured.aside)
-    if measured.misfit > 0:
-        fit = _with_misfit(fit, measured)
+    fit = _with_misfit(fit, measured) if measured.misfit > 0 else fit
     return Posterior(parameters, prior, points, fit, measured)
 
 
 def _with_misfit(fit: PoseFit, measured: Measured) -> PoseFit:
-    blocks = measured.support.blocks
     noises: list[Noise] = []
-    for noise, block in zip((fit.epipolar_noise, fit.along_noise), blocks, strict=True):
+    for noise, block in zip(fit.noises, measured.support.blocks, strict=True):
         number = np.bincount(block + 1)[block + 1]
         shared = float(np.hypot(noise.shared, measured.misfit))
         noises.append(replace(noise, shared=shared, variance=noise.variance + measured.misfit**2 * number))

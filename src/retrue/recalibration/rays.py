@@ -11,6 +11,7 @@ from retrue.correspondences import Correspondences
 from retrue.geometry.arrays import BoolArray, FloatArray, IntArray
 from retrue.geometry.camera import Camera
 from retrue.geometry.two_view import FREE, TwoViewPoints
+from retrue.kernels import surroundings as kernel
 from retrue.rig import Rig
 
 SAME_PLACE, SAME_PLACE_PX = 0.2, 3.0  # of the usual distance between points, and at most
@@ -103,38 +104,15 @@ def _one_a_place(capture: Correspondences, row: IntArray) -> BoolArray:
     kept = np.ones(len(row), dtype=np.bool_)
     if len(row) < 2:
         return kept
-    extent = capture.camera_px.max(axis=0) - capture.camera_px.min(axis=0)
-    reach = min(SAME_PLACE * float(np.sqrt(extent[0] * extent[1] / len(capture))), SAME_PLACE_PX)
+    width, height = (float(np.ptp(side)) for side in capture.camera_px.T)
+    reach = min(SAME_PLACE * float(np.sqrt(width * height / len(capture))), SAME_PLACE_PX)
     if not reach > 0:
         return kept
-    camera, projector = capture.camera_px[row], capture.projector_px[row]
     given = [sigma[row] for sigma in (capture.camera_sigma_px, capture.projector_sigma_px) if sigma is not None]
     noise = np.sum(np.square(given), axis=0) if given else np.zeros(len(row))
-    for offset in ((0.0, 0.0), (0.5, 0.0), (0.0, 0.5), (0.5, 0.5)):  # copies lie in one cell of one of these nets
-        left = np.flatnonzero(kept)
-        cell = np.floor(camera[left] / (2 * reach) + offset)
-        shared = _with_others(cell)
-        if not shared.any():
-            continue
-        left, cell = left[shared], cell[shared]
-        order = np.lexsort((left, noise[left], cell[:, 1], cell[:, 0]))
-        left, cell = left[order], cell[order]
-        first = np.append(True, (cell[1:] != cell[:-1]).any(axis=1))
-        best = left[np.maximum.accumulate(np.where(first, np.arange(len(left)), 0))]
-        near = [np.linalg.norm(pixels[left] - pixels[best], axis=1) < reach for pixels in (camera, projector)]
-        kept[left[~first & near[0] & near[1]]] = False
+    room = np.empty((len(row), 2)), np.empty(len(row), np.intc), np.empty(2 * len(row), np.intc)
+    kernel.drop_copies(capture.camera_px[row], capture.projector_px[row], noise, reach, *room, kept.view(np.uint8))
     return kept
-
-
-def _with_others(cell: FloatArray) -> BoolArray:
-    """(N,) those of whole numbers (N, 2) that are there twice or more."""
-    apart: FloatArray = cell - np.min(cell, axis=0)
-    number: FloatArray = apart[:, 0] * (np.max(apart[:, 1]) + 1) + apart[:, 1]
-    ordered = np.sort(number)
-    twice = ordered[1:][ordered[1:] == ordered[:-1]]
-    if not len(twice):
-        return np.zeros(len(cell), dtype=np.bool_)
-    return twice[np.minimum(np.searchsorted(twice, number), len(twice) - 1)] == number
 
 
 def _relative_sigmas(capture: Correspondences, row: IntArray) -> tuple[FloatArray, FloatArray]:

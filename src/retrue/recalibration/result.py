@@ -12,6 +12,7 @@ import numpy as np
 from retrue.answers import Reason
 from retrue.geometry.arrays import BoolArray, FloatArray
 from retrue.geometry.plane import Plane
+from retrue.geometry.robust import quantile
 from retrue.geometry.transform import RigidTransform
 from retrue.geometry.two_view import FREE, TwoViewPoints, TwoViewPose, residuals
 from retrue.recalibration.fit import PoseFit
@@ -309,7 +310,7 @@ def working_distance(fit: PoseFit, points: TwoViewPoints, length: float) -> floa
     """Median depth in the camera frame of the points that agree, for t of that length; None where none is in front."""
     disparity = inverse_depths(fit.pose, points.select(fit.explained))
     disparity = disparity[disparity > 0]
-    return length / float(np.median(disparity)) if len(disparity) else None
+    return length / quantile(disparity, 0.5) if len(disparity) else None
 
 
 def change(rig: Rig, new: RigidTransform, distance: float | None) -> PoseChange:

@@ -14,7 +14,7 @@ from retrue.geometry.nearest import nearest_of_all
 from retrue.geometry.robust import CUTOFF, Noise, biweight_level, biweight_loss
 from retrue.geometry.transform import direction_angle, rotation_angle
 from retrue.geometry.two_view import FREE, TwoViewPose
-from retrue.recalibration.candidates import behind, same_pose, twins_of
+from retrue.recalibration.candidates import same_pose, twins_of
 from retrue.recalibration.chance import beyond_chance
 from retrue.recalibration.light import light_costs, log_irradiance
 from retrue.recalibration.measured import MISFIT_PX
@@ -77,7 +77,7 @@ class Floor:
         )
 
 
-def costs(posterior: Posterior, floor: Floor, neighbours: IntArray) -> FloatArray:
+def costs(posterior: Posterior, floor: Floor) -> FloatArray:
     """(N,) -2 log likelihood of each point, up to a constant, saturated: both residuals in the hypothesis' own noise,
     see `negative_log_likelihood`, over the level of the floor.
 
@@ -88,13 +88,11 @@ def costs(posterior: Posterior, floor: Floor, neighbours: IntArray) -> FloatArra
     on_plane = posterior.measured.support.blocks >= 0
     over = posterior.losses - np.where(on_plane, np.log(levels**2 + MISFIT_PX**2), 0.0)
     found: FloatArray = np.fmin(over, UNEXPLAINED).sum(axis=0)
-    level = posterior.fit.epipolar_noise.level
-    impossible = behind(posterior.pose, posterior.points, level) | _hidden(posterior, neighbours)
-    return np.where(impossible, np.maximum(found, UNEXPLAINED), found)
+    return np.where(posterior.impossible, np.maximum(found, UNEXPLAINED), found)
 
 
 def explained_costs(
-    posterior: Posterior, floor: Floor, measured: Measured, asides: Sequence[Part]
+    posterior: Posterior, floor: Floor, asides: Sequence[Part]
 ) -> tuple[FloatArray, float, float, BoolArray]:
     """`costs` (N,) where a part of the points may have another explanation; the price of priors and planes; of that;
     and which points (N,) have it.
@@ -102,7 +100,7 @@ def explained_costs(
     A plane has three free parameters, a shifted copy two or three, a plane of its own eight, another pose five, each of
     which a wider range would have fitted as well.
     """
-    found = costs(posterior, floor, measured.neighbours)
+    found = costs(posterior, floor)
     plane = posterior.points.plane_index
     counts = np.bincount(plane[(plane != FREE) & (posterior.fit.robust_weights[1] > 0)], minlength=1)
     price, parts = posterior.prior_cost + 3 * PARAMETER * int(np.count_nonzero(counts >= FEWEST_OF_A_PLANE)), 0.0
@@ -137,18 +135,18 @@ def _costs_of_part(part: Part, plane: IntArray, floor: Floor) -> FloatArray:
     return explained
 
 
-def least(posteriors: list[Posterior], measured: Measured) -> Posterior:
+def least(posteriors: list[Posterior]) -> Posterior:
     """The posterior of least cost; of those that its sigma holds, the one that the lenses as they are fit best."""
-    best = _least(posteriors, [fit.eased for fit in posteriors], measured)
+    best = _least(posteriors, [fit.eased for fit in posteriors])
     alike = [fit for fit in posteriors if fit is best or same_answer(best, fit.pose)]
-    return best if len(alike) == 1 else _least(alike, alike, measured)
+    return best if len(alike) == 1 else _least(alike, alike)
 
 
-def _least(posteriors: list[Posterior], judged: list[Posterior], measured: Measured) -> Posterior:
+def _least(posteriors: list[Posterior], judged: list[Posterior]) -> Posterior:
     floor = Floor.of(judged)
     totals: list[float] = []
     for fit in judged:
-        found, price, parts, _ = explained_costs(fit, floor, measured, ())
+        found, price, parts, _ = explained_costs(fit, floor, ())
         totals.append(float(found.sum()) + price + parts)
     return posteriors[int(np.argmin(totals))]
 
@@ -164,9 +162,9 @@ def nearest_points(rays: Rays) -> IntArray:
     return found
 
 
-def _hidden(posterior: Posterior, neighbours: IntArray) -> BoolArray:
+def hidden(posterior: Posterior) -> BoolArray:
     """(N,) explained points on planes, of whose four neighbours two or more lie on another plane, clearly apart."""
-    plane = posterior.points.plane_index
+    plane, neighbours = posterior.points.plane_index, posterior.measured.neighbours
     if len(posterior.pose.planes) < 2 or not neighbours.size:
         return np.zeros(len(plane), dtype=np.bool_)
     there = (plane != FREE) & (posterior.fit.robust_weights > 0).all(axis=0)
@@ -199,7 +197,7 @@ def ranked(
 
     `asides` are of other poses, whichever hypothesis is right.
     """
-    best, beaten = least(posteriors, measured), list[tuple[float, Posterior, tuple[Rival, ...]]]()
+    best, beaten = least(posteriors), list[tuple[float, Posterior, tuple[Rival, ...]]]()
     while True:
         rivals = _rivals(best, posteriors, measured, few, light, old, asides, rng)
         strongest = min(rivals, key=lambda rival: rival.margin, default=None)
@@ -209,7 +207,7 @@ def ranked(
         best = strongest.posterior
         alike = [fit for fit in posteriors if same_answer(best, fit.pose)]
         if alike and not any(best is fit for fit in posteriors):  # a twin as it stands, which was also fitted
-            best = _least(alike, alike, measured)
+            best = _least(alike, alike)
         if any(best is one for _, one, _ in beaten):  # each beats another in turn: the one that is beaten by least
             return max(beaten, key=lambda one: one[0])[1:]
 
@@ -232,7 +230,7 @@ def _rivals(
             fit = posterior_at(measured, replace(best.parameters, pose=twin), best.prior)
             others.append(("the twin", fit, fit))
     found = [
-        Rival(name, fit, _point_evidence(best, fit, eased, measured, asides), 0.0, _moved(fit, old) - _moved(best, old))
+        Rival(name, fit, _point_evidence(best, fit, eased, asides), 0.0, _moved(fit, old) - _moved(best, old))
         for name, fit, eased in others
     ]
     near = [index for index, rival in enumerate(found) if rival.margin < LIGHT_MATTERS]
@@ -252,43 +250,39 @@ def _strongest_of_each_pose(rivals: list[Rival]) -> tuple[Rival, ...]:
     return tuple(kept)
 
 
-def _point_evidence(
-    best: Posterior, rival: Posterior, eased: Posterior, measured: Measured, asides: Sequence[Part]
-) -> float:
+def _point_evidence(best: Posterior, rival: Posterior, eased: Posterior, asides: Sequence[Part]) -> float:
     """Nats, of the points and of what has to be taken for a part of its own.
 
     A sum that a few points make, as chance would have it, counts less. Of a plane that both fit, the difference counts
     that is larger than what no model explains of a real wall, nor a slow error that one of them takes for a bow. What
     has another explanation in both tells neither.
     """
-    shared, floor = _shared_plane(best, rival, measured), Floor.of([best, rival])
-    lost, price, parts, given = _cheaper((rival, eased), floor, measured, asides, ~shared)
-    held, own_price, own_parts, own = _cheaper((best, best.eased), floor, measured, asides, ~shared)
+    shared, floor = _shared_plane(best, rival), Floor.of([best, rival])
+    lost, price, parts, given = _cheaper((rival, eased), floor, asides, ~shared)
+    held, own_price, own_parts, own = _cheaper((best, best.eased), floor, asides, ~shared)
     elsewhere = (lost - held)[~(shared | given & own)]
     told = float(elsewhere.sum()) * beyond_chance(elsewhere) + min(price - own_price, 0.0)
     if not np.count_nonzero(given ^ own) < SAME_POINTS * np.count_nonzero(given | own):
         told += parts - own_parts
     if shared.any():  # lenses may follow what is slow, or be what makes it: of both, what tells less
-        pairs = (best, rival), (best.eased, eased)
-        told += min((_of_shared(*pair, measured, asides, shared) for pair in pairs), key=abs)
+        pairs = dict.fromkeys([(best, rival), (best.eased, eased)])  # one, where none is eased
+        told += min((_of_shared(*pair, asides, shared) for pair in pairs), key=abs)
     return 0.5 * told
 
 
-def _of_shared(
-    best: Posterior, rival: Posterior, measured: Measured, asides: Sequence[Part], shared: BoolArray
-) -> float:
+def _of_shared(best: Posterior, rival: Posterior, asides: Sequence[Part], shared: BoolArray) -> float:
     floor = Floor.of([best, rival])
-    lost, held = (explained_costs(fit, floor, measured, asides)[0] for fit in (rival, best))
+    lost, held = (explained_costs(fit, floor, asides)[0] for fit in (rival, best))
     mean = float((lost - held)[shared].mean())
     unheld = ROUGH + _slow(rival if mean > 0 else best)
     return np.count_nonzero(shared) * float(np.sign(mean)) * max(abs(mean) - unheld, 0.0)
 
 
 def _cheaper(
-    fits: tuple[Posterior, Posterior], floor: Floor, measured: Measured, asides: Sequence[Part], rows: BoolArray
+    fits: tuple[Posterior, Posterior], floor: Floor, asides: Sequence[Part], rows: BoolArray
 ) -> tuple[FloatArray, float, float, BoolArray]:
     """The `explained_costs` of whichever of the two, as it is or eased, costs less at those rows (N,)."""
-    found = [explained_costs(fit, floor, measured, asides) for fit in fits]
+    found = [explained_costs(fit, floor, asides) for fit in dict.fromkeys(fits)]
     return min(found, key=lambda one: float(one[0][rows].sum()) + one[1] + one[2])
 
 
@@ -298,7 +292,7 @@ def _slow(posterior: Posterior) -> float:
     return sum(log1p(noise.shared**2 / noise.level**2) for noise in noises)
 
 
-def _shared_plane(best: Posterior, rival: Posterior, measured: Measured) -> BoolArray:
+def _shared_plane(best: Posterior, rival: Posterior) -> BoolArray:
     """(N,) points of the plane that both fit, if there is one: twins do."""
     plane = rival.points.plane_index
     near = plane != FREE
@@ -309,8 +303,7 @@ def _shared_plane(best: Posterior, rival: Posterior, measured: Measured) -> Bool
     shared = plane == int(np.argmax(np.bincount(plane[near])))
     if np.count_nonzero(near & shared) * 2 < np.count_nonzero(shared):
         return np.zeros_like(near)
-    level = rival.fit.epipolar_noise.level
-    return shared & ~behind(rival.pose, rival.points, level) & ~_hidden(rival, measured.neighbours)
+    return shared & ~rival.impossible
 
 
 def move_deg(pose: TwoViewPose, old: TwoViewPose) -> float:
