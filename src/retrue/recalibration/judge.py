@@ -11,7 +11,7 @@ from retrue.correspondences import Correspondences
 from retrue.errors import DegenerateError, InputError
 from retrue.geometry.arrays import BoolArray, FloatArray, IntArray, finite_array
 from retrue.geometry.transform import direction_angle, rotation_angle
-from retrue.geometry.two_view import POSE_PARAMETERS, TwoViewPose
+from retrue.geometry.two_view import POSE_PARAMETERS
 from retrue.recalibration.bent_planes import bent_planes
 from retrue.recalibration.bows import bow_shapes, measured_scale
 from retrue.recalibration.candidates import (
@@ -31,7 +31,7 @@ from retrue.recalibration.candidates import (
     with_planes,
 )
 from retrue.recalibration.chance import deviations_limit
-from retrue.recalibration.fit import Support, squared_sigmas
+from retrue.recalibration.fit import Support, carried, own_pose, squared_sigmas
 from retrue.recalibration.lens import LENS_NAMES, LENS_PARAMETERS, stated_prior, wide_prior
 from retrue.recalibration.lens_evidence import LensEvidence, hidden_by_planes, lens_evidence
 from retrue.recalibration.near_rivals import allowed_error, near_rivals, spread
@@ -95,6 +95,8 @@ from retrue.rig import Rig
 COMPARED_POINTS = 1500  # enough to tell hypotheses apart; the best is then fitted to all
 LEAST_LEFT = 0.05  # of the points, as many as a plane holds at least
 LEAST_TURNED = 0.03  # of the points; wrong matches turn a few over, too
+LARGEST_OTHER_PART = 0.8  # of the share that agrees
+HELD = 1e-3  # of good rigs that are told to have moved
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -336,9 +338,6 @@ def objection(
     return None
 
 
-LARGEST_OTHER_PART = 0.8
-
-
 def drift(rig: Rig, judgement: Judgement, options: RecalibrateOptions) -> float:
     """By how many sigma the captures contradict the rig's own pose: chi with five degrees of freedom if it holds.
 
@@ -347,14 +346,11 @@ def drift(rig: Rig, judgement: Judgement, options: RecalibrateOptions) -> float:
     own = own_covariance(rig, options)
     possible = [judgement.answer]
     possible += [rival.posterior for rival in judgement.rivals if not rival.margin >= options.min_margin]
-    old = own_pose(rig)
-    return float(np.sqrt(min(squared_sigmas(old, fit.pose, fit.covariance + own) for fit in possible)))
-
-
-def own_pose(rig: Rig) -> TwoViewPose:
-    """As the rig has it, t of length 1."""
-    pose = rig.projector_from_camera
-    return TwoViewPose(pose.R, pose.t / np.linalg.norm(pose.t))
+    old, found = own_pose(rig), list[float]()
+    for fit in possible:
+        there = carried(old, fit.pose)
+        found.append(squared_sigmas(old, fit.pose, fit.covariance + there @ own @ there.T))
+    return float(np.sqrt(min(found)))
 
 
 def own_covariance(rig: Rig, options: RecalibrateOptions) -> FloatArray:
@@ -376,9 +372,6 @@ def holds(rig: Rig, judgement: Judgement, evidence: Evidence, options: Recalibra
         return False
     known = sigma_at(evidence.working_distance, own_covariance(rig, options), own_pose(rig), rig).displacement
     return known is not None and known <= evidence.sigma.displacement and deviations <= deviations_limit(HELD)
-
-
-HELD = 1e-3
 
 
 def _measured(

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
 from retrue.geometry.arrays import FloatArray, IntArray
-from retrue.geometry.robust import biweight_loss
+from retrue.geometry.robust import Noise, biweight_loss
 from retrue.recalibration.fit import PoseFit
-from retrue.recalibration.measured import MISFIT_PX
+from retrue.recalibration.measured import MISFIT_PX, Measured
 
 
 def negative_log_likelihood(fit: PoseFit, blocks: IntArray) -> FloatArray:
@@ -32,3 +34,14 @@ def negative_log_likelihood(fit: PoseFit, blocks: IntArray) -> FloatArray:
         loss[:] = biweight_loss((values - means[block + 1]) / np.sqrt(own)) + of_block[block + 1]
         loss[block < 0] = 0.0
     return found
+
+
+def with_misfit(fit: PoseFit, measured: Measured) -> PoseFit:
+    """The same with what lenses leave over, which a block of them shares."""
+    blocks = measured.support.blocks
+    noises: list[Noise] = []
+    for noise, block in zip(fit.noises, blocks, strict=True):
+        number = np.bincount(block + 1)[block + 1]
+        shared = float(np.hypot(noise.shared, measured.misfit))
+        noises.append(replace(noise, shared=shared, variance=noise.variance + measured.misfit**2 * number))
+    return replace(fit, epipolar_noise=noises[0], along_noise=noises[1])
