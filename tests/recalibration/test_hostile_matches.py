@@ -95,3 +95,20 @@ def test_a_pose_between_those_of_two_halves_is_refused() -> None:
     result = recalibrate(OLD, [matched(points, moved, random)])
     assert isinstance(result, Refused), errors_deg(result)
     assert isinstance(result.cause, PointsDisagree)
+
+
+def test_lenses_that_err_as_their_calibration_says_do_not_make_right_matches_too_loud() -> None:
+    random = np.random.default_rng(0)
+    points = matched(garden := scene(random) * random.uniform(0.3, 1.0, (COUNT, 1)), garden, random)
+    focal = [np.diag([1 + change, 1 + change, 1.0]) @ lens.K for lens, change in ((LEFT, -6e-3), (RIGHT, 6e-3))]
+    lenses = [replace(lens, K=K) for lens, K in zip((LEFT, RIGHT), focal, strict=True)]
+    evidence = {"lens_covariance": np.diag(np.tile([5e-3, 1.0, 1.0, 1e-3], 2) ** 2).tolist()}
+    rig = replace(OLD, camera=lenses[0], projector=lenses[1])
+    stated = recalibrate(replace(rig, evidence=evidence), [points])
+    assert isinstance(stated, Accepted), stated.reason
+    assert stated.evidence.details["noise_px"] > 3 * SIGMA_PX
+    rotation, translation = errors_deg(stated)
+    sigma = stated.evidence.sigma
+    assert sigma is not None
+    assert rotation < 3 * sigma.rotation_deg
+    assert translation < 3 * sigma.translation_deg

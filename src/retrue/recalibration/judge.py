@@ -313,8 +313,11 @@ def objection(
         )
     if not (share >= 1 - options.max_outliers and level <= options.max_noise_px):
         return PointsDisagree(share, 1 - options.max_outliers, level, options.max_noise_px)
-    if not fit.epipolar_noise.level <= judgement.loudest_px:  # beside planes that are none, points may be as loud
-        return PointsDisagree(share, 1 - options.max_outliers, fit.epipolar_noise.level, judgement.loudest_px)
+    across = fit.epipolar_noise.level
+    if not across <= judgement.loudest_px:  # lenses that err as their calibration says make right points as loud
+        across = judgement.answer.through_free_lenses.fit.epipolar_noise.level
+    if not across <= judgement.loudest_px:  # beside planes that are none, points may be as loud
+        return PointsDisagree(share, 1 - options.max_outliers, across, judgement.loudest_px)
     if judgement.differing is not None and not judgement.differing[1] <= MOST_DEVIATIONS:
         return CapturesDiffer(judgement.differing[0] + 1, judgement.differing[1])
     part = judgement.other_part
