@@ -67,6 +67,19 @@ def test_a_print_that_repeats_along_the_baseline_does_not_bend_the_pose(ways: li
     assert_near(recalibrate(OLD, [matched(points, points + np.where(copied[:, None], step, 0.0), random)]))
 
 
+@pytest.mark.parametrize("seed", range(2))
+@pytest.mark.parametrize("aslant", [0.02, 0.04])
+def test_copies_that_miss_their_epipolar_lines_by_little_do_not_bend_the_pose(aslant: float, seed: int) -> None:
+    random = np.random.default_rng(seed)
+    points = scene(random, boxes=False)[:220]
+    copied = points + np.where(np.arange(220)[:, None] < 66, [-0.5, aslant, 0.0], 0.0)
+    result = recalibrate(OLD, [matched(points, copied, random)])
+    assert isinstance(result, Accepted), result.reason
+    rotation, translation = errors_deg(result)
+    assert rotation < 0.05
+    assert translation < 0.4
+
+
 @pytest.mark.parametrize("seed", range(3))
 def test_two_wrong_matches_with_copies_are_no_part_of_the_scene(seed: int) -> None:
     random = np.random.default_rng(seed)

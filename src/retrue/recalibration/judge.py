@@ -12,8 +12,9 @@ from retrue.errors import DegenerateError, InputError
 from retrue.geometry.arrays import BoolArray, FloatArray, IntArray, finite_array
 from retrue.geometry.transform import direction_angle, rotation_angle
 from retrue.geometry.two_view import POSE_PARAMETERS
+from retrue.recalibration.all_points import apart_as_chosen, pulled_away, settled
 from retrue.recalibration.bent_planes import bent_planes
-from retrue.recalibration.bows import bow_shapes, measured_scale
+from retrue.recalibration.bows import bow_shapes
 from retrue.recalibration.candidates import (
     MOST,
     better_without_planes,
@@ -58,7 +59,6 @@ from retrue.recalibration.posterior import (
     Posterior,
     Prior,
     fit_posterior,
-    improved,
     posterior_at,
 )
 from retrue.recalibration.rays import Rays, loudest_px, rays_of_captures
@@ -227,12 +227,10 @@ def judge(rig: Rig, captures: Sequence[Correspondences], options: RecalibrateOpt
         if share >= 1 - options.max_outliers:
             raise Undecidable(TooFewPoints(int(np.count_nonzero(answer.fit.explained)), options.min_points))
         raise Undecidable(PointsDisagree(share, 1 - options.max_outliers, level, options.max_noise_px))
-    answer = improved(answer, 1)  # enough to see how planes are bowed
-    scale = measured_scale(answer.parameters.bows.ravel(), answer.bow_information)
-    whole = replace(whole, flatness=scale * whole.flatness)
-    parameters = replace(answer.parameters, bows=answer.parameters.bows / scale)
-    answer = improved(replace(answer, parameters=parameters, measured=whole), 3)
-    outside = unexplained(answer)
+    answer = settled(answer)
+    if pulled_away(answer, best):
+        answer = settled(apart_as_chosen(posterior_at(whole, start, prior), rays, best, few))
+    whole, outside = answer.measured, unexplained(answer)
     others = [*parts_apart(answer, part, whole.homography_residuals), shifted_copy(answer, outside)]
     if turned.any() and (mirror := other_part(answer, outside, rng)) is not None:
         others.append(replace(mirror, name=IN_A_MIRROR))
