@@ -35,6 +35,7 @@ from retrue.recalibration.chance import deviations_limit
 from retrue.recalibration.fit import Support, carried, own_pose, squared_sigmas
 from retrue.recalibration.lens import LENS_NAMES, LENS_PARAMETERS, stated_prior, wide_prior
 from retrue.recalibration.lens_evidence import LensEvidence, hidden_by_planes, lens_evidence
+from retrue.recalibration.measured import MISFIT_PX
 from retrue.recalibration.near_rivals import allowed_error, near_rivals, spread
 from retrue.recalibration.options import RecalibrateOptions
 from retrue.recalibration.parts import (
@@ -216,7 +217,7 @@ def judge(rig: Rig, captures: Sequence[Correspondences], options: RecalibrateOpt
         prior = replace(prior, kept=lens.kept, together=follows)
     nobody = np.empty((len(rays), 0), dtype=np.int64)
     whole = _measured(rig, captures, rays, homographies, nobody, options.flatness_sigma, photographs)
-    whole = replace(whole, aside=turned if turned.any() else None)
+    whole = replace(whole, aside=turned if turned.any() else None, misfit=MISFIT_PX if photographs else 0.0)
     answer = posterior_at(whole, start, prior)
     others = parts_apart(answer, part, whole.homography_residuals)
     for other in others:
