@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -10,10 +11,14 @@ import pytest
 from retrue.correspondences import Card, Correspondences
 from retrue.geometry.camera import Camera
 from retrue.geometry.transform import RigidTransform, direction_angle, rotation_angle
+from retrue.recalibration import judge
+from retrue.recalibration.options import RecalibrateOptions
+from retrue.recalibration.posterior import Posterior
 from retrue.recalibration.rays import rays_of_captures
 from retrue.recalibration.reasons import PointsDisagree
 from retrue.recalibration.recalibrate import recalibrate
 from retrue.recalibration.result import Accepted, Refused
+from retrue.recalibration.rivals import Rival
 from retrue.rig import Rig
 
 LEFT = Camera((640, 480), [[620, 0, 319.5], [0, 620, 239.5], [0, 0, 1]])
@@ -125,3 +130,21 @@ def test_lenses_that_err_as_their_calibration_says_do_not_make_right_matches_too
     assert sigma is not None
     assert rotation < 3 * sigma.rotation_deg
     assert translation < 3 * sigma.translation_deg
+
+
+def test_a_plane_stays_that_a_pose_believes_which_beats_the_best_one(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Each beats another in turn: then nothing is decided, and a wrong pose sees a wall curved."""
+    chosen: list[Posterior] = []
+    ranked = judge.ranked
+
+    def in_turn(*asked: Any) -> tuple[Posterior, tuple[Rival, ...]]:
+        best, rivals = ranked(*asked)
+        chosen.append(best)
+        return best, tuple(replace(rival, points=-1.0, light=0.0, move=0.0) for rival in rivals)
+
+    monkeypatch.setattr(judge, "ranked", in_turn)
+    monkeypatch.setattr(judge, "curved_planes", lambda fit: np.full(len(fit.pose.planes), fit is chosen[-1]))
+    random = np.random.default_rng(0)
+    points = scene(random)
+    found = judge.judge(OLD, [replace(matched(points, points, random), card=None)], RecalibrateOptions())
+    assert len(found.answer.pose.planes) > 0

@@ -178,7 +178,8 @@ def judge(rig: Rig, captures: Sequence[Correspondences], options: RecalibrateOpt
             best, rivals = ranked([*posteriors, *apart], measured, few, light, old, asides, rng)
             part = most_unexplained(asides, best)
         lens = lens_evidence(measured, homographies, best, part, tight, wide, old)
-        curved = curved_planes(best)
+        undecided = [best, *(rival.posterior for rival in rivals if rival.margin < 0)]  # each beats another in turn
+        curved = np.all([curved_planes(fit) for fit in undecided], axis=0)
         if not curved.any():
             curved = misleading_plane(best, lens.kept)
         if photographs and not curved.any():
