@@ -18,6 +18,7 @@ import numpy as np
 
 from benchmarks.photograph_matches import depths
 from retrue import Camera, Correspondences, Rig, RigidTransform, recalibrate
+from retrue.correspondences import Card
 from retrue.geometry.transform import vector_from_rotation
 from retrue.geometry.two_view import tangent_basis
 
@@ -75,7 +76,8 @@ def photographs(rig: Rig, scene: str, random: np.random.Generator) -> Correspond
     seen = seen + random.normal(0, 1, seen.shape) * sigma[:, None]
     kept = np.isfinite(seen).all(axis=1) & rig.projector.contains(np.nan_to_num(seen, nan=-9.0))
     each = sigma[kept] / np.sqrt(2)
-    return Correspondences(pixels[kept], seen[kept], each, each, camera_size=SIZE, projector_size=SIZE)
+    card = Card("features", len(kept), len(each), {}, 1.0)
+    return Correspondences(pixels[kept], seen[kept], each, each, card=card, camera_size=SIZE, projector_size=SIZE)
 
 
 def main() -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -10,10 +11,14 @@ import pytest
 from retrue.correspondences import Card, Correspondences
 from retrue.geometry.camera import Camera
 from retrue.geometry.transform import RigidTransform, direction_angle, rotation_angle
+from retrue.recalibration import judge
+from retrue.recalibration.options import RecalibrateOptions
+from retrue.recalibration.posterior import Posterior
 from retrue.recalibration.rays import rays_of_captures
 from retrue.recalibration.reasons import PointsDisagree
 from retrue.recalibration.recalibrate import recalibrate
 from retrue.recalibration.result import Accepted, Refused
+from retrue.recalibration.rivals import Rival
 from retrue.rig import Rig
 
 LEFT = Camera((640, 480), [[620, 0, 319.5], [0, 620, 239.5], [0, 0, 1]])
@@ -67,6 +72,19 @@ def test_a_print_that_repeats_along_the_baseline_does_not_bend_the_pose(ways: li
     assert_near(recalibrate(OLD, [matched(points, points + np.where(copied[:, None], step, 0.0), random)]))
 
 
+@pytest.mark.parametrize("seed", range(2))
+@pytest.mark.parametrize("aslant", [0.02, 0.04])
+def test_copies_that_miss_their_epipolar_lines_by_little_do_not_bend_the_pose(aslant: float, seed: int) -> None:
+    random = np.random.default_rng(seed)
+    points = scene(random, boxes=False)[:220]
+    copied = points + np.where(np.arange(220)[:, None] < 66, [-0.5, aslant, 0.0], 0.0)
+    result = recalibrate(OLD, [matched(points, copied, random)])
+    assert isinstance(result, Accepted), result.reason
+    rotation, translation = errors_deg(result)
+    assert rotation < 0.05
+    assert translation < 0.4
+
+
 @pytest.mark.parametrize("seed", range(3))
 def test_two_wrong_matches_with_copies_are_no_part_of_the_scene(seed: int) -> None:
     random = np.random.default_rng(seed)
@@ -95,3 +113,38 @@ def test_a_pose_between_those_of_two_halves_is_refused() -> None:
     result = recalibrate(OLD, [matched(points, moved, random)])
     assert isinstance(result, Refused), errors_deg(result)
     assert isinstance(result.cause, PointsDisagree)
+
+
+def test_lenses_that_err_as_their_calibration_says_do_not_make_right_matches_too_loud() -> None:
+    random = np.random.default_rng(0)
+    points = matched(garden := scene(random) * random.uniform(0.3, 1.0, (COUNT, 1)), garden, random)
+    focal = [np.diag([1 + change, 1 + change, 1.0]) @ lens.K for lens, change in ((LEFT, -6e-3), (RIGHT, 6e-3))]
+    lenses = [replace(lens, K=K) for lens, K in zip((LEFT, RIGHT), focal, strict=True)]
+    evidence = {"lens_covariance": np.diag(np.tile([5e-3, 1.0, 1.0, 1e-3], 2) ** 2).tolist()}
+    rig = replace(OLD, camera=lenses[0], projector=lenses[1])
+    stated = recalibrate(replace(rig, evidence=evidence), [points])
+    assert isinstance(stated, Accepted), stated.reason
+    assert stated.evidence.details["noise_px"] > 3 * SIGMA_PX
+    rotation, translation = errors_deg(stated)
+    sigma = stated.evidence.sigma
+    assert sigma is not None
+    assert rotation < 3 * sigma.rotation_deg
+    assert translation < 3 * sigma.translation_deg
+
+
+def test_a_plane_stays_that_a_pose_believes_which_beats_the_best_one(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Each beats another in turn: then nothing is decided, and a wrong pose sees a wall curved."""
+    chosen: list[Posterior] = []
+    ranked = judge.ranked
+
+    def in_turn(*asked: Any) -> tuple[Posterior, tuple[Rival, ...]]:
+        best, rivals = ranked(*asked)
+        chosen.append(best)
+        return best, tuple(replace(rival, points=-1.0, light=0.0, move=0.0) for rival in rivals)
+
+    monkeypatch.setattr(judge, "ranked", in_turn)
+    monkeypatch.setattr(judge, "curved_planes", lambda fit: np.full(len(fit.pose.planes), fit is chosen[-1]))
+    random = np.random.default_rng(0)
+    points = scene(random)
+    found = judge.judge(OLD, [replace(matched(points, points, random), card=None)], RecalibrateOptions())
+    assert len(found.answer.pose.planes) > 0

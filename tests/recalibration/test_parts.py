@@ -13,6 +13,7 @@ from retrue.geometry.two_view import FREE, tangent_basis
 from retrue.recalibration.chance import beyond_chance, without_chance
 from retrue.recalibration.fit import Support, evaluate
 from retrue.recalibration.lens import stated_prior
+from retrue.recalibration.parts import shifted_copy, unexplained
 from retrue.recalibration.posterior import Prior, posterior_at
 from retrue.recalibration.rays import rays_of_captures
 from retrue.recalibration.recalibrate import recalibrate
@@ -101,6 +102,29 @@ def test_only_what_a_mirror_shows_is_turned_over() -> None:
     result = recalibrate(NEAR, [replace(points, projector_px=pixels)])
     assert isinstance(result, Accepted), result.reason
     assert result.evidence.details["points_of_another_pose"] == pytest.approx(rows.sum(), rel=0.15)
+
+
+@pytest.mark.parametrize("step", [0.05, 0.1])
+def test_copies_to_both_sides_are_seen_among_wrong_matches_that_are_far_off(step: float) -> None:
+    measured, truth = measured_scene("wall")
+    rng, copied, moved, wrong = np.random.default_rng(0), 40, 12, 60
+    points, n = measured.support.points, truth.pose.planes[0]
+    chosen = rng.choice(len(points), copied + moved + wrong, replace=False)
+    rays, size = points.projector_rays.copy(), np.append(rng.choice([-1.0, 1.0], copied), rng.uniform(1.3, 1.6, moved))
+    x = np.column_stack([points.camera_rays[chosen], np.ones(len(chosen))])
+    there = x @ (truth.pose.R + truth.pose.t[:, None] * n).T
+    there[:-wrong] += (size * (x[:-wrong] @ n))[:, None] * [step, step / 4, 0.0]
+    there[-wrong:, :2] += there[-wrong:, 2:] * rng.uniform(0.5, 1.0, (wrong, 2))
+    rays[chosen] = there[:, :2] / there[:, 2:]
+    support = replace(measured.support, points=replace(points, projector_rays=rays))
+    projector_px = measured.projector_px.copy()
+    projector_px[chosen] = RIG.projector.project(there)
+    textured = replace(measured, support=support, projector_px=projector_px, textured=True)
+    true = posterior_at(textured, truth, Prior(stated_prior(RIG, 0.01, 5.0, 0.02)))
+    copy = shifted_copy(true, unexplained(true))
+    assert copy is not None
+    assert copy.rows[chosen[:copied]].sum() > 0.9 * copied
+    assert not copy.rows[chosen[copied:]].any()
 
 
 def test_an_error_that_a_block_shares_costs_as_one_and_not_as_many() -> None:

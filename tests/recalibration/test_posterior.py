@@ -101,6 +101,20 @@ def test_gradient_and_information_are_those_of_the_cost() -> None:
         assert (up + down - 2 * middle) / 0.18 == pytest.approx(square, rel=0.05)
 
 
+def test_however_well_points_are_known_the_lens_lets_a_part_of_the_picture_tell_no_more() -> None:
+    misfit, measured, truth = 0.5, *measured_scene("wall")
+    points, blocks = measured.support.points, measured.support.blocks[0]
+    known_best = blocks < 18
+    own = np.where(known_best, 0.25, 1.0)
+    points = replace(points, camera_sigma=points.camera_sigma * own, projector_sigma=points.projector_sigma * own)
+    measured = replace(measured, support=replace(measured.support, points=points), misfit=misfit)
+    fit = posterior_at(measured, truth, Prior(stated_prior(RIG, 0.01, 5.0, 0.02))).fit
+    usual = np.median(own)
+    told = np.bincount(blocks, (usual / own) ** 2 / fit.epipolar_noise.variance)  # of a mean, in usual sigma
+    assert told.max() < 1 / misfit**2
+    assert told[:18].max() < 1.3 * np.median(told[18:])
+
+
 def test_a_bare_wall_tells_nothing_of_focal_lengths() -> None:
     """Eight numbers of its homography are five of the pose and three of the plane: noise must not pass for more."""
     straight = replace(RIG, camera=replace(RIG.camera, distortion=np.zeros(0)))

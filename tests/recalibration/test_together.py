@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
+import pytest
 
 from retrue.correspondences import Card, Correspondences
 from retrue.geometry.camera import Camera
@@ -43,13 +44,13 @@ def test_two_cameras_of_one_calibration_know_their_pose_better():
     together = recalibrate(RIG, [pair(1, photographs=True)]).evidence.sigma
     asked = recalibrate(RIG, [pair(1, photographs=False)], RecalibrateOptions(calibrated_together=True)).evidence.sigma
     assert together.rotation_deg < 0.5 * alone.rotation_deg
-    assert asked.rotation_deg == together.rotation_deg
+    assert 0.5 * together.rotation_deg < asked.rotation_deg < together.rotation_deg  # of which lenses leave something
 
 
 def test_what_a_rig_states_of_its_lenses_stands():
     stated = replace(RIG, evidence={"lens_covariance": np.diag(np.square([2e-3, 1, 1, 1e-3] * 2)).tolist()})
     photographs, table = (recalibrate(stated, [pair(1, photographs=word)]).evidence.sigma for word in (True, False))
-    assert photographs.rotation_deg == table.rotation_deg
+    assert photographs.rotation_deg == pytest.approx(table.rotation_deg, rel=0.02)
 
 
 def test_sigma_holds_for_the_pose_that_belongs_to_wrong_lenses():

@@ -21,7 +21,7 @@ from retrue.geometry.two_view import (
     epipolar_residuals,
     planes_of_pose,
 )
-from retrue.recalibration.fit import PoseFit, Support, gather, refine, same_pose, squared_sigmas
+from retrue.recalibration.fit import PoseFit, Support, carried, gather, refine, same_pose, squared_sigmas
 from retrue.recalibration.measured import MISFIT_PX
 from retrue.recalibration.options import RecalibrateOptions
 from retrue.recalibration.posterior import (
@@ -301,10 +301,10 @@ def _largest_ratio(covariance: FloatArray, other: FloatArray) -> float:
 
 
 def _of_difference(posterior: Posterior, alone: Posterior, lenses: FloatArray) -> FloatArray:
-    """(5, 5) covariance of the difference between a pose and that of a part of its points."""
+    """(5, 5) covariance of the difference between a pose and that of a part of its points, in the frame of that."""
     if posterior.prior.free:
         return alone.covariance
-    apart = alone.follows - posterior.follows
+    apart = alone.follows - carried(posterior.pose, alone.pose) @ posterior.follows
     return alone.statistical_covariance + apart @ lenses @ apart.T
 
 

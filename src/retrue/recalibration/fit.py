@@ -37,6 +37,7 @@ from retrue.geometry.two_view import (
     tangent_basis,
 )
 from retrue.recalibration.rays import Rays
+from retrue.rig import Rig
 
 BLOCKS = 6  # per side: a slow error is common to 1/36 of the picture, or of a plane
 FEWEST_OF_A_FAMILY = 20  # residuals that tell its level
@@ -178,6 +179,12 @@ def chi_square(fit: PoseFit, reference: PoseFit) -> FloatArray:
     return epipolar + along
 
 
+def own_pose(rig: Rig) -> TwoViewPose:
+    """As the rig has it, t of length 1."""
+    pose = rig.projector_from_camera
+    return TwoViewPose(pose.R, pose.t / np.linalg.norm(pose.t))
+
+
 def same_pose(a: TwoViewPose, b: TwoViewPose) -> bool:
     """Whether two poses are one solution, found twice."""
     near = np.cos(SAME_POSE)  # tr(A B^T) = 1 + 2 cos of the angle between
@@ -193,10 +200,33 @@ def pose_difference(pose: TwoViewPose, other: TwoViewPose) -> FloatArray:
     return np.concatenate([vector_from_rotation(other.R @ pose.R.T), across])
 
 
+def carried(start: TwoViewPose, end: TwoViewPose) -> FloatArray:
+    """(5, 5) what changes of one pose are in the frame of another: each t has a tangent basis of its own.
+
+    Along the great circle from t to t', a tangent v becomes v - (v . t') (t + t') / (1 + t . t'). Two bases may be a
+    quarter turn apart though their t are hardly.
+    """
+    tangent, both = tangent_basis(start.t), start.t + end.t
+    moved = tangent - np.outer(both, end.t @ tangent) / max(float(1 + start.t @ end.t), 1e-12)
+    rows = np.eye(POSE_PARAMETERS)
+    rows[3:, 3:] = tangent_basis(end.t).T @ moved
+    return rows
+
+
 def squared_sigmas(pose: TwoViewPose, other: TwoViewPose, covariance: FloatArray) -> float:
-    """How far apart two poses are, as a square of sigma (5, 5): chi-square with five degrees of freedom by chance."""
+    """How far a pose is from another, as a square of sigma (5, 5) of that: chi-square, five degrees of freedom."""
     difference = pose_difference(pose, other)
     return float(difference @ np.linalg.solve(covariance, difference))
+
+
+def inverse_information(information: FloatArray) -> FloatArray:
+    """DegenerateError where the points do not determine the parameters."""
+    scale = np.sqrt(np.maximum(np.diag(information), 1e-300))
+    values, vectors = np.linalg.eigh(information / np.outer(scale, scale))
+    if not values[0] > 1e-13 * values[-1]:
+        raise DegenerateError("pose: the points do not determine it; show a plane that fills more of the picture")
+    root = vectors / np.sqrt(values) / scale[:, None]
+    return root @ root.T
 
 
 def _levels(found: Residuals, on_plane: int, correction: float) -> tuple[float, float]:

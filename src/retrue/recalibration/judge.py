@@ -11,9 +11,10 @@ from retrue.correspondences import Correspondences
 from retrue.errors import DegenerateError, InputError
 from retrue.geometry.arrays import BoolArray, FloatArray, IntArray, finite_array
 from retrue.geometry.transform import direction_angle, rotation_angle
-from retrue.geometry.two_view import POSE_PARAMETERS, TwoViewPose
+from retrue.geometry.two_view import POSE_PARAMETERS
+from retrue.recalibration.all_points import apart_as_chosen, pulled_away, settled
 from retrue.recalibration.bent_planes import bent_planes
-from retrue.recalibration.bows import bow_shapes, measured_scale
+from retrue.recalibration.bows import bow_shapes
 from retrue.recalibration.candidates import (
     MOST,
     better_without_planes,
@@ -31,9 +32,10 @@ from retrue.recalibration.candidates import (
     with_planes,
 )
 from retrue.recalibration.chance import deviations_limit
-from retrue.recalibration.fit import Support, squared_sigmas
+from retrue.recalibration.fit import Support, carried, own_pose, squared_sigmas
 from retrue.recalibration.lens import LENS_NAMES, LENS_PARAMETERS, stated_prior, wide_prior
 from retrue.recalibration.lens_evidence import LensEvidence, hidden_by_planes, lens_evidence
+from retrue.recalibration.measured import MISFIT_PX
 from retrue.recalibration.near_rivals import allowed_error, near_rivals, spread
 from retrue.recalibration.options import RecalibrateOptions
 from retrue.recalibration.parts import (
@@ -58,7 +60,6 @@ from retrue.recalibration.posterior import (
     Posterior,
     Prior,
     fit_posterior,
-    improved,
     posterior_at,
 )
 from retrue.recalibration.rays import Rays, loudest_px, rays_of_captures
@@ -95,7 +96,8 @@ from retrue.rig import Rig
 COMPARED_POINTS = 1500  # enough to tell hypotheses apart; the best is then fitted to all
 LEAST_LEFT = 0.05  # of the points, as many as a plane holds at least
 LEAST_TURNED = 0.03  # of the points; wrong matches turn a few over, too
-HELD = 1e-3  # of good rigs, that are not taken to hold still
+LARGEST_OTHER_PART = 0.8  # of the share that agrees
+HELD = 1e-3  # of good rigs that are told to have moved
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -176,7 +178,8 @@ def judge(rig: Rig, captures: Sequence[Correspondences], options: RecalibrateOpt
             best, rivals = ranked([*posteriors, *apart], measured, few, light, old, asides, rng)
             part = most_unexplained(asides, best)
         lens = lens_evidence(measured, homographies, best, part, tight, wide, old)
-        curved = curved_planes(best)
+        undecided = [best, *(rival.posterior for rival in rivals if rival.margin < 0)]  # each beats another in turn
+        curved = np.all([curved_planes(fit) for fit in undecided], axis=0)
         if not curved.any():
             curved = misleading_plane(best, lens.kept)
         if photographs and not curved.any():
@@ -215,7 +218,7 @@ def judge(rig: Rig, captures: Sequence[Correspondences], options: RecalibrateOpt
         prior = replace(prior, kept=lens.kept, together=follows)
     nobody = np.empty((len(rays), 0), dtype=np.int64)
     whole = _measured(rig, captures, rays, homographies, nobody, options.flatness_sigma, photographs)
-    whole = replace(whole, aside=turned if turned.any() else None)
+    whole = replace(whole, aside=turned if turned.any() else None, misfit=MISFIT_PX if photographs else 0.0)
     answer = posterior_at(whole, start, prior)
     others = parts_apart(answer, part, whole.homography_residuals)
     for other in others:
@@ -226,12 +229,10 @@ def judge(rig: Rig, captures: Sequence[Correspondences], options: RecalibrateOpt
         if share >= 1 - options.max_outliers:
             raise Undecidable(TooFewPoints(int(np.count_nonzero(answer.fit.explained)), options.min_points))
         raise Undecidable(PointsDisagree(share, 1 - options.max_outliers, level, options.max_noise_px))
-    answer = improved(answer, 1)  # enough to see how planes are bowed
-    scale = measured_scale(answer.parameters.bows.ravel(), answer.bow_information)
-    whole = replace(whole, flatness=scale * whole.flatness)
-    parameters = replace(answer.parameters, bows=answer.parameters.bows / scale)
-    answer = improved(replace(answer, parameters=parameters, measured=whole), 3)
-    outside = unexplained(answer)
+    answer = settled(answer)
+    if pulled_away(answer, best):
+        answer = settled(apart_as_chosen(posterior_at(whole, start, prior), rays, best, few))
+    whole, outside = answer.measured, unexplained(answer)
     others = [*parts_apart(answer, part, whole.homography_residuals), shifted_copy(answer, outside)]
     if turned.any() and (mirror := other_part(answer, outside, rng)) is not None:
         others.append(replace(mirror, name=IN_A_MIRROR))
@@ -312,8 +313,11 @@ def objection(
         )
     if not (share >= 1 - options.max_outliers and level <= options.max_noise_px):
         return PointsDisagree(share, 1 - options.max_outliers, level, options.max_noise_px)
-    if not fit.epipolar_noise.level <= judgement.loudest_px:  # beside planes that are none, points may be as loud
-        return PointsDisagree(share, 1 - options.max_outliers, fit.epipolar_noise.level, judgement.loudest_px)
+    across = fit.epipolar_noise.level
+    if not across <= judgement.loudest_px:  # lenses that err as their calibration says make right points as loud
+        across = judgement.answer.through_free_lenses.fit.epipolar_noise.level
+    if not across <= judgement.loudest_px:  # beside planes that are none, points may be as loud
+        return PointsDisagree(share, 1 - options.max_outliers, across, judgement.loudest_px)
     if judgement.differing is not None and not judgement.differing[1] <= MOST_DEVIATIONS:
         return CapturesDiffer(judgement.differing[0] + 1, judgement.differing[1])
     part = judgement.other_part
@@ -338,9 +342,6 @@ def objection(
     return None
 
 
-LARGEST_OTHER_PART = 0.8
-
-
 def drift(rig: Rig, judgement: Judgement, options: RecalibrateOptions) -> float:
     """By how many sigma the captures contradict the rig's own pose: chi with five degrees of freedom if it holds.
 
@@ -349,14 +350,11 @@ def drift(rig: Rig, judgement: Judgement, options: RecalibrateOptions) -> float:
     own = own_covariance(rig, options)
     possible = [judgement.answer]
     possible += [rival.posterior for rival in judgement.rivals if not rival.margin >= options.min_margin]
-    old = own_pose(rig)
-    return float(np.sqrt(min(squared_sigmas(old, fit.pose, fit.covariance + own) for fit in possible)))
-
-
-def own_pose(rig: Rig) -> TwoViewPose:
-    """As the rig has it, t of length 1."""
-    pose = rig.projector_from_camera
-    return TwoViewPose(pose.R, pose.t / np.linalg.norm(pose.t))
+    old, found = own_pose(rig), list[float]()
+    for fit in possible:
+        there = carried(old, fit.pose)
+        found.append(squared_sigmas(old, fit.pose, fit.covariance + there @ own @ there.T))
+    return float(np.sqrt(min(found)))
 
 
 def own_covariance(rig: Rig, options: RecalibrateOptions) -> FloatArray:

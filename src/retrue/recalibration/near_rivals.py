@@ -49,5 +49,5 @@ def spread(answer: Posterior, near: Sequence[Rival]) -> FloatArray:
 
 
 def _square(answer: Posterior, rival: Rival) -> FloatArray:
-    step = pose_difference(answer.pose, rival.posterior.pose)
+    step = pose_difference(rival.posterior.pose, answer.pose)
     return np.outer(step, step)

@@ -161,7 +161,8 @@ def _stepped(
     way = np.where(gap[:, axis] < 0, -1.0, 1.0)
     w = way * inverse_depth
     step = gap * (forth[:, 2] / w)[:, None]
-    mode, missed = within_reach_of_mode(step, CENTRES, ROUGH_STEP * float(np.median(np.abs(step).max(axis=1)))), gap
+    relative = np.column_stack([np.log(np.hypot(*step.T) + 1e-300), np.arctan2(step[:, 1 - axis], step[:, axis])])
+    mode, missed = within_reach_of_mode(relative, CENTRES, ROUGH_STEP), gap
     left = np.zeros((len(y), 2, 3))
     left[:, 0, 0] = left[:, 1, 1] = w
     left[:, :, 2] = -y[:, :2] * w[:, None]

@@ -15,7 +15,7 @@ import numpy as np
 
 from retrue.errors import DegenerateError
 from retrue.geometry.arrays import BoolArray, FloatArray, IntArray
-from retrue.geometry.robust import COVARIANCE_FACTOR, Noise, total_loss
+from retrue.geometry.robust import COVARIANCE_FACTOR, total_loss
 from retrue.geometry.two_view import (
     NO_TURNS,
     POSE_PARAMETERS,
@@ -28,9 +28,19 @@ from retrue.geometry.two_view import (
 )
 from retrue.recalibration.bows import BOWS
 from retrue.recalibration.chance import without_chance
-from retrue.recalibration.fit import PoseFit, Support, evaluate, pose_difference, same_pose, squared_sigmas
+from retrue.recalibration.fit import (
+    PoseFit,
+    Support,
+    carried,
+    evaluate,
+    inverse_information,
+    own_pose,
+    pose_difference,
+    same_pose,
+    squared_sigmas,
+)
 from retrue.recalibration.lens import LENS_PARAMETERS, LensPrior
-from retrue.recalibration.likelihood import negative_log_likelihood
+from retrue.recalibration.likelihood import negative_log_likelihood, with_misfit
 from retrue.recalibration.measured import Measured
 
 LENSES = 2 * LENS_PARAMETERS
@@ -106,8 +116,8 @@ class Prior:
     pose : of the pose, where an old one is asked about.
     kept : (8, 8) second moment of what lenses that stay are off by, given what the points say of them; None: as the
         prior has it.
-    together : (5, 8) how the pose that a calibration found goes with errors of the lenses that it found; None where
-        these errors have nothing to do with each other.
+    together : (5, 8) how the pose that a calibration found, the rig's own, goes with errors of the lenses that it
+        found; None where these errors have nothing to do with each other.
     """
 
     lens: LensPrior
@@ -121,7 +131,7 @@ class Prior:
         lens, bows = parameters.lens, parameters.bows
         cost = float(lens @ self.lens.precision @ lens) + float(np.vdot(bows, bows))
         if self.pose is not None:
-            difference = pose_difference(self.pose.pose, parameters.pose)
+            difference = pose_difference(parameters.pose, self.pose.pose)
             cost += float(difference @ self.pose.precision @ difference)
         return cost
 
@@ -178,8 +188,10 @@ class Posterior:
         A^-1 + (S - C) P (S - C)^T, with C the prior's `together`.
         """
         if self.prior.free:
-            return _inverse(self.information)[:POSE_PARAMETERS, :POSE_PARAMETERS] * COVARIANCE_FACTOR
-        apart = self.follows - (0.0 if self.prior.together is None else self.prior.together)
+            return inverse_information(self.information)[:POSE_PARAMETERS, :POSE_PARAMETERS] * COVARIANCE_FACTOR
+        apart = self.follows
+        if self.prior.together is not None:
+            apart = apart - carried(own_pose(self.measured.rig), self.pose) @ self.prior.together
         return self.statistical_covariance + apart @ self._kept @ apart.T
 
     @cached_property
@@ -199,7 +211,7 @@ class Posterior:
         """(13, 13) of the pose and both lenses: lenses that are not free move the pose with them, see `covariance`."""
         if self.prior.free:
             pose_and_lenses = np.concatenate([np.arange(POSE_PARAMETERS), self._parts[1]])
-            joint = _inverse(self.information)[np.ix_(pose_and_lenses, pose_and_lenses)]
+            joint = inverse_information(self.information)[np.ix_(pose_and_lenses, pose_and_lenses)]
             joint[:POSE_PARAMETERS, :POSE_PARAMETERS] = self.covariance
             return joint
         cross = self.follows @ self._kept
@@ -213,26 +225,30 @@ class Posterior:
     @cached_property
     def _own_inverse(self) -> FloatArray:
         own, _ = self._parts
-        return _inverse(self.information[np.ix_(own, own)])[:POSE_PARAMETERS]
+        return inverse_information(self.information[np.ix_(own, own)])[:POSE_PARAMETERS]
 
     @cached_property
     def eased(self) -> Posterior:
-        """The same with both lenses free within their prior, where a slow error asks for it: what is compared.
+        """What is compared: `through_free_lenses`, where a slow error asks for it."""
+        slow = any(noise.shared > SLOW * noise.level for noise in self.fit.noises)
+        return self.through_free_lenses if slow else self
+
+    @cached_property
+    def through_free_lenses(self) -> Posterior:
+        """The same with both lenses free within their prior; itself where that is another hypothesis.
 
         Points that are more exact than the lenses would else speak for whatever pose follows an error of those. On the
         way, no two points share an error, or all that a lens makes would be taken for it.
         """
-        if self.prior.free or not any(noise.shared > SLOW * noise.level for noise in self.fit.noises):
+        if self.prior.free:
             return self
-        prior, points = replace(self.prior, free=True), self.measured.support.points
-        apart = replace(self.measured, support=Support(points, np.tile(np.arange(len(points)), (2, 1))))
+        prior = replace(self.prior, free=True)
+        apart = replace(self.measured, support=self.measured.support.each_alone())
         try:
             moved = fit_posterior(apart, self.parameters, prior, EASING)
-            if not same_answer(self, moved.pose):  # that is another hypothesis
-                return self
         except DegenerateError:
             return self
-        return posterior_at(self.measured, moved.parameters, prior)
+        return posterior_at(self.measured, moved.parameters, prior) if same_answer(self, moved.pose) else self
 
     @cached_property
     def losses(self) -> FloatArray:
@@ -257,7 +273,7 @@ class Posterior:
     @property
     def lens_covariance(self) -> FloatArray:
         """(8, 8) of free lenses, all else being free too."""
-        return _inverse(self.information)[np.ix_(self._parts[1], self._parts[1])]
+        return inverse_information(self.information)[np.ix_(self._parts[1], self._parts[1])]
 
     @property
     def lens_information(self) -> FloatArray:
@@ -313,17 +329,7 @@ class Posterior:
 
 def same_answer(best: Posterior, pose: TwoViewPose) -> bool:
     """Whether a pose is no other explanation: found twice, or one that the sigma of the best holds already."""
-    return same_pose(pose, best.pose) or squared_sigmas(best.pose, pose, best.covariance) < WITHIN**2
-
-
-def _inverse(information: FloatArray) -> FloatArray:
-    """DegenerateError where the points do not determine the parameters."""
-    scale = np.sqrt(np.maximum(np.diag(information), 1e-300))
-    values, vectors = np.linalg.eigh(information / np.outer(scale, scale))
-    if not values[0] > 1e-13 * values[-1]:
-        raise DegenerateError("pose: the points do not determine it; show a plane that fills more of the picture")
-    root = vectors / np.sqrt(values) / scale[:, None]
-    return root @ root.T
+    return same_pose(pose, best.pose) or squared_sigmas(pose, best.pose, best.covariance) < WITHIN**2
 
 
 def fit_posterior(measured: Measured, start: Parameters, prior: Prior, iterations: int) -> Posterior:
@@ -368,17 +374,8 @@ def posterior_at(measured: Measured, parameters: Parameters, prior: Prior) -> Po
     bows = measured.bends, np.ascontiguousarray(parameters.bows)
     fit = evaluate(parameters.pose, Support(points, measured.support.blocks), bows, measured.aside)
     fit = without_chance(fit, measured.aside)
-    fit = _with_misfit(fit, measured) if measured.misfit > 0 else fit
+    fit = with_misfit(fit, measured) if measured.misfit > 0 else fit
     return Posterior(parameters, prior, points, fit, measured)
-
-
-def _with_misfit(fit: PoseFit, measured: Measured) -> PoseFit:
-    noises: list[Noise] = []
-    for noise, block in zip(fit.noises, measured.support.blocks, strict=True):
-        number = np.bincount(block + 1)[block + 1]
-        shared = float(np.hypot(noise.shared, measured.misfit))
-        noises.append(replace(noise, shared=shared, variance=noise.variance + measured.misfit**2 * number))
-    return replace(fit, epipolar_noise=noises[0], along_noise=noises[1])
 
 
 def _equations(posterior: Posterior, lenses: bool) -> tuple[FloatArray, FloatArray]:
@@ -395,6 +392,7 @@ def _equations(posterior: Posterior, lenses: bool) -> tuple[FloatArray, FloatArr
         information[lens, lens] += prior.lens.precision
         gradient[lens] += prior.lens.precision @ parameters.lens
     if prior.pose is not None:
-        information[:POSE_PARAMETERS, :POSE_PARAMETERS] += prior.pose.precision
-        gradient[:POSE_PARAMETERS] += prior.pose.precision @ pose_difference(prior.pose.pose, pose)
+        there = carried(pose, prior.pose.pose)
+        information[:POSE_PARAMETERS, :POSE_PARAMETERS] += there.T @ prior.pose.precision @ there
+        gradient[:POSE_PARAMETERS] -= there.T @ prior.pose.precision @ pose_difference(pose, prior.pose.pose)
     return information, gradient

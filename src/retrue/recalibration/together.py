@@ -16,8 +16,7 @@ import numpy as np
 
 from retrue.correspondences import Correspondences
 from retrue.geometry.arrays import FloatArray
-from retrue.geometry.two_view import TwoViewPose
-from retrue.recalibration.fit import Support
+from retrue.recalibration.fit import Support, own_pose
 from retrue.recalibration.lens import LensPrior
 from retrue.recalibration.measured import Measured
 from retrue.recalibration.posterior import Parameters, Prior, posterior_at
@@ -55,6 +54,4 @@ def pose_with_lenses(rig: Rig, distance: float, lenses: LensPrior) -> FloatArray
         replace(rig, evidence={}), capture.camera_px[found.row], capture.projector_px[found.row], Support.of(found),
         np.zeros((len(found), 3)), 0.0, np.empty((len(found), 0), dtype=np.int64),
     )  # fmt: skip
-    pose = rig.projector_from_camera
-    own = TwoViewPose(pose.R, pose.t / np.linalg.norm(pose.t))
-    return posterior_at(measured, Parameters.of(own), Prior(lenses)).follows
+    return posterior_at(measured, Parameters.of(own_pose(rig)), Prior(lenses)).follows
