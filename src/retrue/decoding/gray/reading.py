@@ -190,7 +190,8 @@ def _look(depth: Depth, rows: range, needed: BoolArray | None) -> _Seen:
         count = int(np.count_nonzero((agreed & ~own)[inner]))
         beyond.append((count, int(axis.code[inner][agreed[inner]].max(initial=0)) if count else 0))
     edges = [
-        find_edges(axis, contrast, noise, inside, inner, along) for axis, along in zip(axes, plan.along, strict=True)
+        find_edges(axis, contrast, noise, inside, inner, along, bias)
+        for axis, along, bias in zip(axes, plan.along, plan.edge_biases, strict=True)
     ]
     return _Seen(lit[inner], agreed[inner], inside[inner], [axis.code[inner] for axis in axes], edges, beyond)
 

@@ -1,11 +1,11 @@
 """Sub-pixel projector coordinates: a plane through the edges of the stripes around each pixel.
 
 Between stripes n and n + 1 one bit changes, and pattern and inverse are equally bright where the camera sees the
-very edge, whatever blur, gamma and brightness: linear interpolation of their difference between two pixels finds
-it to some hundredths of a pixel, and there n + 1/2 holds exactly. A plane n = a + b x + c y is fitted to the edges
-in a Gaussian window, with their true positions, so that a window that is cut off by a border or a shadow is not
-biased. The planes are fitted about cells as wide as a stripe, and evaluated at every pixel of the cell; all sums
-are separable filters over cells.
+very edge, whatever blur, gamma and brightness: linear interpolation of their difference between two pixels, less what
+`edge_shape` knows of it, finds it to some hundredths of a pixel, and there n + 1/2 holds exactly. A plane
+n = a + b x + c y is fitted to the edges in a Gaussian window, with their true positions, so that a window that is cut
+off by a border or a shadow is not biased. The planes are fitted about cells as wide as a stripe, and evaluated at every
+pixel of the cell; all sums are separable filters over cells.
 """
 
 from __future__ import annotations
@@ -20,6 +20,7 @@ from numpy.typing import NDArray
 
 from retrue.decoding.gray.bend import plane_bias
 from retrue.decoding.gray.bits import AxisCode
+from retrue.decoding.gray.edge_shape import EdgeBias
 from retrue.decoding.gray.scatter import scatter_level
 from retrue.geometry.arrays import BoolArray
 from retrue.kernels import planes as planes_kernel
@@ -81,12 +82,13 @@ class PlaneFit:
 
 
 def find_edges(
-    axis: AxisCode, contrast: FloatImage, noise: FloatImage, good: BoolArray, rows: slice, along: int
+    axis: AxisCode, contrast: FloatImage, noise: FloatImage, good: BoolArray, rows: slice, along: int, bias: EdgeBias
 ) -> Edges:
     """Edges between neighbours that are both good and one stripe apart, the first of them in `rows`.
 
     `contrast` is white - black and `noise` the standard deviation of pattern - inverse, both (height, width).
-    The difference of pattern and inverse is taken relative to the contrast, so that albedo does not shift the edge.
+    The difference of pattern and inverse is taken relative to the contrast, so that albedo does not shift the edge, and
+    what a straight line misses it by is taken out.
     """
     most = int(np.count_nonzero(good))
     place, seen = np.empty(most, np.int32), np.empty((3, most), np.float32)
@@ -101,6 +103,7 @@ def find_edges(
         along,
         EDGE_SIGMA,
         STEEPEST_CONTRAST,
+        bias,
         place,
         seen,
     )
