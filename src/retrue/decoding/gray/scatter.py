@@ -18,7 +18,7 @@ FloatImage = NDArray[np.float32]
 
 APART = 5  # cells from plane to plane of a difference: hardly an edge is in two windows
 NEAR = 11  # cells, side of the square over which differences have a bend in common
-AROUND = 31  # cells, side of the square over which the scatter is averaged
+AROUND = 15  # cells, side of the square over which the scatter is averaged: it differs from place to place
 CLIPPED = 4.0  # sigmas: what is farther off is a step of the surface
 FARTHEST = 20.0  # sigmas: and more would hide its neighbours' common part
 BELIEF = 20.0  # differences that the planes' own word counts as
