@@ -16,7 +16,7 @@ from retrue.rig import Rig
 SAME_PLACE, SAME_PLACE_PX = 0.2, 3.0  # of the usual distance between points, and at most
 LOUDEST = 3.0  # times the noise that photographs' matches measured of themselves, beside what a lens leaves over
 SMALLEST_RELATIVE_SIGMA = 0.1  # of the median: no point outweighs a hundred others by what it says of itself
-LEAST_LENS_PX = 0.003  # of the projector: lenses leave over, which a dense code's own scatter does not know
+LEAST_LENS_PX = 0.005  # of the projector: lenses leave over, which a dense code's own scatter does not know
 
 
 @dataclass(frozen=True, slots=True, eq=False)
