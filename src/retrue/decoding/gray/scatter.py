@@ -18,7 +18,7 @@ FloatImage = NDArray[np.float32]
 
 APART = 5  # cells from plane to plane of a difference: hardly an edge is in two windows
 EVERY = 2  # cells along either axis, of which one is looked at: its neighbours rest on the same edges
-NEAR = 6  # looked at, side of the square over which differences have a bend in common
+NEAR = 9  # looked at, side of the square over which differences have a bend in common
 AROUND = 7  # looked at, side of the square over which the scatter is averaged: it differs from place to place
 CLIPPED = 4.0  # sigmas of the scatter around: what is farther off is a step of the surface
 ROUNDS = 2  # of which the first takes the planes' own word for the scatter around

@@ -38,6 +38,10 @@ LARGEST_RESIDUAL = 0.25
 """Stripes, RMS: edges that scatter more about their plane belong to several surfaces, or to none."""
 LARGEST_SIGMA = 0.05
 """Stripes: above it, too few edges, or all of them to one side."""
+FOLDED = 4.0
+"""Times the usual mean square by which edges miss their plane: above it the surface folds."""
+FOLD_EVERY = 4
+"""Cells along either axis, of which one tells what is usual."""
 MARGIN = 16
 """Cells about those that hold edges, or points, that are looked at too."""
 ALIGNED = 32
@@ -176,9 +180,18 @@ class PlaneFitter:
         bias, doubt = plane_bias((slopes[0], slopes[1]), moments, np.sqrt(variance), whole, self._cell, self._along)
         value -= bias
         doubt *= doubt
-        self._variance[here] = variance * scatter_level(value, variance + doubt, whole) + doubt
+        self._variance[here] = variance * scatter_level(value, variance + doubt, self._flat(here, whole)) + doubt
         self._planes[0][here] = value
         return PlaneFit(self._planes, self._sure, self._even, self._variance, self._cell, self._along)
+
+    def _flat(self, here: tuple[slice, slice], whole: NDArray[np.uint8]) -> NDArray[np.uint8]:
+        """1 where a whole window's edges miss their plane by no more than usual: where it folds they do."""
+        first, lever = (own[here] for own in self._loose)
+        missed = self._variance[here] / np.maximum(first * lever, np.float32(1e-30))
+        told = missed[::FOLD_EVERY, ::FOLD_EVERY][whole[::FOLD_EVERY, ::FOLD_EVERY].view(np.bool_)]
+        if not len(told):
+            return whole
+        return whole & (missed < np.float32(FOLDED * np.median(told))).view(np.uint8)
 
     def _windows(self, here: slice) -> Iterator[tuple[tuple[slice, ...], tuple[slice, slice], slice]]:
         """Of those rows of cells the runs of columns that edges can be seen from, as their columns; the part of the
