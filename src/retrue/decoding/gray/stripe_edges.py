@@ -186,12 +186,13 @@ class PlaneFitter:
 
     def _flat(self, here: tuple[slice, slice], whole: NDArray[np.uint8]) -> NDArray[np.uint8]:
         """1 where a whole window's edges miss their plane by no more than usual: where it folds they do."""
-        first, lever = (own[here] for own in self._loose)
-        missed = self._variance[here] / np.maximum(first * lever, np.float32(1e-30))
-        told = missed[::FOLD_EVERY, ::FOLD_EVERY][whole[::FOLD_EVERY, ::FOLD_EVERY].view(np.bool_)]
-        if not len(told):
+        variance, share = self._variance[here], self._loose[0][here] * self._loose[1][here]
+        few = slice(None, None, FOLD_EVERY), slice(None, None, FOLD_EVERY)
+        told = whole[few].view(np.bool_)
+        if not told.any():
             return whole
-        return whole & (missed < np.float32(FOLDED * np.median(told))).view(np.uint8)
+        share *= np.float32(FOLDED * np.median(variance[few][told] / share[few][told]))
+        return whole & (variance < share).view(np.uint8)
 
     def _windows(self, here: slice) -> Iterator[tuple[tuple[slice, ...], tuple[slice, slice], slice]]:
         """Of those rows of cells the runs of columns that edges can be seen from, as their columns; the part of the
