@@ -28,6 +28,8 @@ EDGE_PX = 6.0
 """Camera pixels from a jump of depth within which a point lies beside an edge."""
 JUMP = 0.01  # of the depth
 BLUR_PX = 0.6
+FINE = 2
+"""Samples of the light a camera pixel, along either side: lenses blur light before pixels gather it."""
 CAMERA = CameraModel(vignetting=0.1, blur_px=0.0, mixing=((0.94, 0.06, 0.0), (0.03, 0.94, 0.03), (0.0, 0.06, 0.94)))
 """Without noise; `take` blurs the light itself."""
 
@@ -87,7 +89,7 @@ def make_scene(rng: np.random.Generator, distance: float, paint: Paint | None = 
 
 def take(rig: Rig, scene: Scene, pattern: Pattern, distance: float, seed: int, noise: float = 1.0) -> Shot:
     """The pictures, with shot noise of `noise` times that of 10 000 electrons and vignetting, decoded."""
-    transport = find_transport(rig, scene)
+    transport = find_transport(_finer(rig), scene)
     grid = isinstance(pattern, ColorGrid)
     model = replace(CAMERA, electrons=10_000.0 / noise**2, read_noise=5.0)
     if grid:
@@ -96,10 +98,21 @@ def take(rig: Rig, scene: Scene, pattern: Pattern, distance: float, seed: int, n
         shown = [np.repeat(picture[..., None], 3, axis=2) for picture in pattern.render()]
     pictures: list[Image] = []
     for number, picture in enumerate(shown):
-        light = gaussian_blur(transport.light(picture).astype(np.float64), BLUR_PX)
-        taken = model.picture(light, 1000 * seed + number)
+        light = gaussian_blur(transport.light(picture), FINE * BLUR_PX)
+        height, width = light.shape[0] // FINE, light.shape[1] // FINE
+        gathered = light.reshape(height, FINE, width, FINE, 3).mean(axis=(1, 3)).astype(np.float64)
+        taken = model.picture(gathered, 1000 * seed + number)
         pictures.append(taken if grid else np.ascontiguousarray(taken[..., 1]))
     return Shot(rig, scene, pattern, pictures, decode(pattern, pictures[0] if grid else pictures), distance)
+
+
+def _finer(rig: Rig) -> Rig:
+    """The same with a camera of FINE x FINE pixels for each."""
+    width, height = rig.camera.size
+    K = np.array(rig.camera.K)
+    K[:2] *= FINE
+    K[:2, 2] += (FINE - 1) / 2  # pixel centres lie at whole numbers
+    return replace(rig, camera=Camera((FINE * width, FINE * height), K, rig.camera.distortion))
 
 
 def true_points(shot: Shot, camera_px: FloatArray) -> FloatArray:

@@ -76,3 +76,22 @@ def test_what_the_lens_loses_towards_its_corners_is_no_paint(lost):
     assert np.std(bright) / np.mean(bright) < 0.02
     outer, inner = (bright[part].mean() for part in (radius[wall] > 0.6, radius[wall] < 0.3))
     assert outer / inner == pytest.approx(1, abs=0.02)
+
+
+@pytest.mark.parametrize("seed", [5, 17, 20])  # some of 30 that are darkest outwards
+def test_a_print_is_no_loss_of_the_lens(seed):
+    points, _, thing, light = shaded()
+    rng = np.random.default_rng(seed)
+    waves, phases = rng.normal(0, 0.02, (5, 2)), rng.uniform(0, 2 * np.pi, 5)
+    printed = 0.75 + 0.12 * np.clip(np.round(np.sin(points.camera_px @ waves.T + phases).sum(axis=1)), -2, 2)
+    seen = (points.colors * printed[:, None]).round().astype(np.uint8)
+    cloud = reconstruct(
+        RIG,
+        replace(points, colors=seen, light=points.light * printed),
+        ReconstructOptions(albedo=True, keep_strays=True),
+    )
+    wall = (light > 0.3) & (thing == WALL)
+    left = cloud.colors[wall].max(axis=1) / printed[wall]
+    radius = np.linalg.norm(points.camera_px - RIG.camera.K[:2, 2], axis=1)[wall]
+    outer, inner = (np.median(left[part]) for part in (radius > 0.6 * radius.max(), radius < 0.3 * radius.max()))
+    assert outer / inner == pytest.approx(1, abs=0.02)

@@ -146,6 +146,7 @@ def find_edges(
     along: cython.Py_ssize_t,
     share: cython.float,
     steepest: cython.float,
+    bias: tuple[cython.float, cython.float, cython.float],
     place: cython.int[::1],
     seen: cython.float[:, ::1],
 ) -> int:
@@ -153,15 +154,18 @@ def find_edges(
 
     Indices are into the rows from the first to before the second of `rows`. Between good neighbours one stripe apart,
     where contrast is steady between them and beside them. With margins as `add_bit` has them, each relative to its own
-    pixel's contrast, the edge is where they balance; its weight is 1 over 1 + (noise / (`share` of both margins))^2.
+    pixel's contrast, they balance at a share f, and the edge is at f - c f (1 - f) (1 - 2 f): c is the first of `bias`
+    where bit 0 changes, the second where bit 1 does, else the third. Its weight is 1 over
+    1 + (noise / (`share` of both margins))^2.
     """
     cython.declare(y=cython.Py_ssize_t, x=cython.Py_ssize_t, v=cython.Py_ssize_t, u=cython.Py_ssize_t)
     cython.declare(count=cython.Py_ssize_t, step=cython.int, a=cython.float, b=cython.float, s=cython.float)
-    cython.declare(dy=cython.Py_ssize_t, dx=cython.Py_ssize_t)
+    cython.declare(dy=cython.Py_ssize_t, dx=cython.Py_ssize_t, behind=cython.int)
     height: cython.Py_ssize_t = code.shape[0]
     width: cython.Py_ssize_t = code.shape[1]
     start: cython.Py_ssize_t = rows[0]
     stop: cython.Py_ssize_t = rows[1]
+    one: cython.float = 1
     dy, dx = (1, 0) if along == 0 else (0, 1)
     count = 0
     with cython.nogil:
@@ -193,7 +197,10 @@ def find_edges(
                 place[count] = cython.cast(cython.int, (y - start) * width + x)
                 seen[0, count] = s / (s + noise[y, x] * noise[y, x])
                 a, b = a * contrast[v, u], b * contrast[y, x]
-                seen[1, count] = a / (a + b + TINY)
+                a = a / (a + b + TINY)
+                behind = max(code[y, x], code[v, u])
+                s = bias[0] if behind & 1 else (bias[1] if behind & 2 else bias[2])
+                seen[1, count] = a - s * (a * (one - a) * (one - a - a))
                 seen[2, count] = (code[y, x] + code[v, u]) * cython.cast(cython.float, 0.5)
                 count += 1
     return count

@@ -17,6 +17,7 @@ from retrue.rig import Rig
 SAME_PLACE, SAME_PLACE_PX = 0.2, 3.0  # of the usual distance between points, and at most
 LOUDEST = 3.0  # times the noise that photographs' matches measured of themselves, beside what a lens leaves over
 SMALLEST_RELATIVE_SIGMA = 0.1  # of the median: no point outweighs a hundred others by what it says of itself
+LEAST_LENS_PX = 0.005  # of the projector: lenses leave over, which a dense code's own scatter does not know
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -121,6 +122,8 @@ def _relative_sigmas(capture: Correspondences, row: IntArray) -> tuple[FloatArra
     if given[0] is None and given[1] is None:
         return np.ones(len(row)), np.ones(len(row))
     camera, projector = (np.zeros(len(row)) if sigma is None else sigma[row] for sigma in given)
+    if capture.projector_sigma_ratio is not None:  # as measured on the points' own scatter
+        projector = np.hypot(projector, LEAST_LENS_PX)
     median = float(np.median(np.hypot(camera, projector))) if len(row) else 1.0
     if not median > 0:
         return np.ones(len(row)), np.ones(len(row))

@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from retrue.correspondences import Correspondences
-from retrue.geometry.arrays import BoolArray, FloatArray
+from retrue.geometry.arrays import BoolArray, FloatArray, IntArray
 from retrue.geometry.robust import MAD_TO_SIGMA, biweight
 from retrue.reconstruction.normals import bent_normals
 from retrue.reconstruction.surface_grid import SurfaceGrid, linked
@@ -17,10 +17,11 @@ STEEPEST = 0.2
 ENOUGH = 4  # neighbours that the surface goes on to, for a sure normal
 FARTHEST = 8  # cells from those
 STEPS = 12  # of the differences that tell vignetting, on the longer side of the grid
+BLOCK = 3  # of these steps, side of what one print may cover
 FEWEST = 200  # of them
 ROUNDS = 10
 FINEST = 1e-3  # of the light: what cameras round to
-BEYOND_DOUBT = 3.0  # sigmas
+BEYOND_DOUBT = 4.0  # sigmas
 
 
 def albedo(rig: Rig, points: Correspondences, X: FloatArray, grid: SurfaceGrid) -> NDArray[np.uint8]:
@@ -103,6 +104,7 @@ def _vignetting(rig: Rig, points: Correspondences, found: FloatArray, grid: Surf
 
     Paint changes outwards as often as inwards, and mostly from place to place; vignetting is one k for the whole
     picture. So k is the robust slope of the log of brightness by r^2, from the differences of points on one surface.
+    One print is seen by many pairs: what blocks of the picture say of k against each other tells how sure it is.
     """
     size = np.array(rig.camera.size, dtype=np.float64)
     square = 4 * ((points.camera_px - rig.camera.K[:2, 2]) ** 2).sum(axis=1) / float(size @ size)
@@ -112,10 +114,10 @@ def _vignetting(rig: Rig, points: Correspondences, found: FloatArray, grid: Surf
         level = np.log(found.mean(axis=1))
     change, lever = level[a] - level[b], square[a] - square[b]
     told = np.isfinite(change)
-    change, lever = change[told], lever[told]
+    change, lever, block = change[told], lever[told], _blocks(grid, len(found), BLOCK * step)[a[told]]
     if len(change) < FEWEST:
         return np.ones(len(found))
-    k, sigma, information = 0.0, 0.0, 0.0
+    k, information, score = 0.0, 0.0, np.zeros(1)
     for _ in range(ROUNDS):
         off = change + k * lever
         sigma = max(MAD_TO_SIGMA * float(np.median(np.abs(off))), FINEST)
@@ -124,8 +126,17 @@ def _vignetting(rig: Rig, points: Correspondences, found: FloatArray, grid: Surf
         if not information > 0:
             return np.ones(len(found))
         k = -float((weight * lever * change).sum()) / information
-    doubt = sigma * float(np.sqrt(step / information))  # pairs that overlap share their ends
+        score = np.bincount(block, weight * lever * (change + k * lever))
+    doubt = float(np.sqrt((score**2).sum())) / information
     return np.exp(-k * square) if k > BEYOND_DOUBT * doubt else np.ones(len(found))
+
+
+def _blocks(grid: SurfaceGrid, count: int, side: int) -> IntArray:
+    """(count,) number of the block, so many cells wide and high, that each point lies in."""
+    row, column = np.nonzero(grid.index >= 0)
+    found = np.zeros(count, np.int64)
+    found[grid.index[row, column]] = row // side * grid.index.shape[1] + column // side
+    return found
 
 
 def _own_share(points: Correspondences) -> FloatArray:

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from retrue.decoding.gray.bits import CodeImage, decode_axis, neighbours
+from retrue.decoding.gray.edge_shape import NO_BIAS, EdgeBias, edge_bias
 from retrue.decoding.gray.faults import require_order
 from retrue.decoding.gray.sequence import GraySequence
 from retrue.decoding.gray.stripe_edges import FloatImage
@@ -21,6 +22,10 @@ UNDECIDED = 3.0
 LIT = 0.1
 """Of the strongest contrast: pixels to learn the noise from."""
 STRIPS, STRIP_WIDTH = 8, 4
+FEWEST_EDGES = 30
+"""Of coarse bits, that tell how steep edges are."""
+MOST_STRIPES = 4
+"""Between neighbours on one surface."""
 CHI_SQUARE_MEDIAN = 0.455
 
 
@@ -34,12 +39,41 @@ class Plan:
     resolved : share of the lit pixels that decide their code.
     along : for each axis of the code, the array axis along which its stripes follow each other more quickly.
     cells : for each axis of the code, the power of two (2 to MAX_CELL) nearest to a stripe's width in camera pixels.
+    edge_biases : for each axis of the code, what straight lines between pixels miss its edges by.
     """
 
     noise_gain: float
     resolved: float
     along: tuple[int, ...]
     cells: tuple[int, ...]
+    edge_biases: tuple[EdgeBias, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class _AxisPlan:
+    """How to read one axis; `resolved` : the share of lit pixels that decide it."""
+
+    along: int
+    cell: int
+    resolved: float
+    edge_bias: EdgeBias
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Neighbours:
+    """Trusted pixels of strips and the next along the strips, N pairs.
+
+    Attributes
+    ----------
+    code, beyond : (N,) codes of the first and of the second.
+    steepness : (N,) the sum of both margins, in shares of the contrast.
+    resolved : share of the lit pixels that decide their code.
+    """
+
+    code: CodeImage
+    beyond: CodeImage
+    steepness: FloatImage
+    resolved: float
 
 
 def plan_reading(sequence: GraySequence) -> Plan:
@@ -51,8 +85,13 @@ def plan_strips(strips: Sequence[GraySequence]) -> Plan:
     """The same of strips that are cut already."""
     noise_gain = _noise_gain(strips[1])
     axes = [_plan_axis(strips, axis, noise_gain) for axis in range(len(strips[0].stripes))]
-    resolved = min(share for _, _, share in axes)
-    return Plan(noise_gain, resolved, tuple(along for along, _, _ in axes), tuple(cell for _, cell, _ in axes))
+    return Plan(
+        noise_gain,
+        min(own.resolved for own in axes),
+        tuple(own.along for own in axes),
+        tuple(own.cell for own in axes),
+        tuple(own.edge_bias for own in axes),
+    )
 
 
 def cut_strips(sequence: GraySequence) -> tuple[GraySequence, GraySequence]:
@@ -67,30 +106,41 @@ def noise_of_difference(noise_gain: float, brightness: FloatImage) -> FloatImage
     return np.sqrt(np.maximum(np.float32(noise_gain) * brightness, np.float32(0.5)))
 
 
-def _plan_axis(strips: Sequence[GraySequence], axis: int, noise_gain: float) -> tuple[int, int, float]:
-    """Direction and cell of one axis of the code, and the share of lit pixels that decide it."""
-    seen = [_neighbouring_codes(sequence, axis, along, noise_gain) for along, sequence in enumerate(strips)]
-    steps = [float(np.count_nonzero(np.abs(b - a) == 1)) / max(len(a), 1) for a, b, _ in seen]
+def _plan_axis(strips: Sequence[GraySequence], axis: int, noise_gain: float) -> _AxisPlan:
+    seen = [_neighbours(sequence, axis, along, noise_gain) for along, sequence in enumerate(strips)]
+    apart = [np.abs(pairs.beyond - pairs.code) for pairs in seen]
+    steps = [float(np.count_nonzero(own == 1)) / max(len(own), 1) for own in apart]
     along = 0 if steps[0] > steps[1] else 1
-    code, neighbour, share = seen[along]
-    require_order(code, neighbour, strips[0].names[axis], ("column", "row")[strips[0].stripes[axis].axis])
+    pairs = seen[along]
+    require_order(pairs.code, pairs.beyond, strips[0].names[axis], ("column", "row")[strips[0].stripes[axis].axis])
     stripe = 1 / max(steps[along], 1 / MAX_CELL)
-    return along, min(max(2 ** round(math.log2(stripe)), 2), MAX_CELL), share
+    cell = min(max(2 ** round(math.log2(stripe)), 2), MAX_CELL)
+    return _AxisPlan(along, cell, pairs.resolved, _edge_bias(pairs, apart[along]))
 
 
-def _neighbouring_codes(
-    sequence: GraySequence, axis: int, along: int, noise_gain: float
-) -> tuple[CodeImage, CodeImage, float]:
-    """Trusted codes (N,) of pixels, and of their neighbours along an array axis; and the share of lit ones."""
+def _neighbours(sequence: GraySequence, axis: int, along: int, noise_gain: float) -> _Neighbours:
+    """Along an array axis."""
     read = decode_axis(sequence.patterns[axis], sequence.inverses[axis], along)
     white, black = sequence.white.astype(np.float32), sequence.black.astype(np.float32)
     decided = np.float32(UNDECIDED) * noise_of_difference(noise_gain, white + black)
-    lit = white - black > 2 * decided
+    contrast = white - black
+    lit = contrast > 2 * decided
     good = lit & (read.second_margin > decided)
     here, there = neighbours(along)
     both = good[here] & good[there]
+    steepness = read.near[here][both] / contrast[here][both] + read.far[here][both] / contrast[there][both]
     share = float(np.count_nonzero(good)) / max(int(np.count_nonzero(lit)), 1)
-    return read.code[here][both], read.code[there][both], share
+    return _Neighbours(read.code[here][both], read.code[there][both], steepness.astype(np.float32), share)
+
+
+def _edge_bias(pairs: _Neighbours, apart: CodeImage) -> EdgeBias:
+    """Of pairs `apart` so many stripes."""
+    near = apart <= MOST_STRIPES
+    behind = np.maximum(pairs.code, pairs.beyond)
+    coarse = (apart == 1) & (behind % 4 == 0)  # where neither bit 0 nor bit 1 changes
+    if np.count_nonzero(coarse) < FEWEST_EDGES:
+        return NO_BIAS
+    return edge_bias(1 / float(apart[near].mean()), float(np.median(pairs.steepness[coarse])))
 
 
 def _noise_gain(strips: GraySequence) -> float:

@@ -23,8 +23,6 @@ from retrue.kernels import stripes as kernel
 
 FARTHEST_CODE = 0.75
 """Stripes: a pixel's own code is within half a stripe of the plane, and a little for noise."""
-SYSTEMATIC_SIGMA = 0.003
-"""Stripes: what lens and camera leave, however many edges there are and however flat the surface."""
 
 REACH_CELLS = 13
 """How many cells away a picture can still change where a point is: windows, the edges beside them, and the bend."""
@@ -190,7 +188,8 @@ def _look(depth: Depth, rows: range, needed: BoolArray | None) -> _Seen:
         count = int(np.count_nonzero((agreed & ~own)[inner]))
         beyond.append((count, int(axis.code[inner][agreed[inner]].max(initial=0)) if count else 0))
     edges = [
-        find_edges(axis, contrast, noise, inside, inner, along) for axis, along in zip(axes, plan.along, strict=True)
+        find_edges(axis, contrast, noise, inside, inner, along, bias)
+        for axis, along, bias in zip(axes, plan.along, plan.edge_biases, strict=True)
     ]
     return _Seen(lit[inner], agreed[inner], inside[inner], [axis.code[inner] for axis in axes], edges, beyond)
 
@@ -229,8 +228,6 @@ def locate(stripes: Sequence[Stripes], reading: Reading, rows: range, good: Bool
             variance,
         )
         variance *= np.float32((axis.width_px / width) ** 2)
-    for variance in variances:
-        variance += np.float32(SYSTEMATIC_SIGMA**2)
     sigma = np.sqrt(np.stack(variances).mean(axis=0)) * np.float64(width)
     by_axis = {axis.axis: own for axis, own in zip(stripes, variances, strict=True)}
     ratio = np.sqrt(by_axis[0] / by_axis[1]) if len(by_axis) == 2 else None

@@ -1,11 +1,11 @@
 """Sub-pixel projector coordinates: a plane through the edges of the stripes around each pixel.
 
 Between stripes n and n + 1 one bit changes, and pattern and inverse are equally bright where the camera sees the
-very edge, whatever blur, gamma and brightness: linear interpolation of their difference between two pixels finds
-it to some hundredths of a pixel, and there n + 1/2 holds exactly. A plane n = a + b x + c y is fitted to the edges
-in a Gaussian window, with their true positions, so that a window that is cut off by a border or a shadow is not
-biased. The planes are fitted about cells as wide as a stripe, and evaluated at every pixel of the cell; all sums
-are separable filters over cells.
+very edge, whatever blur, gamma and brightness: linear interpolation of their difference between two pixels, less what
+`edge_shape` knows of it, finds it to some hundredths of a pixel, and there n + 1/2 holds exactly. A plane
+n = a + b x + c y is fitted to the edges in a Gaussian window, with their true positions, so that a window that is cut
+off by a border or a shadow is not biased. The planes are fitted about cells as wide as a stripe, and evaluated at every
+pixel of the cell; all sums are separable filters over cells.
 """
 
 from __future__ import annotations
@@ -20,6 +20,7 @@ from numpy.typing import NDArray
 
 from retrue.decoding.gray.bend import plane_bias
 from retrue.decoding.gray.bits import AxisCode
+from retrue.decoding.gray.edge_shape import EdgeBias
 from retrue.decoding.gray.scatter import scatter_level
 from retrue.geometry.arrays import BoolArray
 from retrue.kernels import planes as planes_kernel
@@ -37,6 +38,10 @@ LARGEST_RESIDUAL = 0.25
 """Stripes, RMS: edges that scatter more about their plane belong to several surfaces, or to none."""
 LARGEST_SIGMA = 0.05
 """Stripes: above it, too few edges, or all of them to one side."""
+FOLDED = 4.0
+"""Times the usual mean square by which edges miss their plane: above it the surface folds."""
+FOLD_EVERY = 4
+"""Cells along either axis, of which one tells what is usual."""
 MARGIN = 16
 """Cells about those that hold edges, or points, that are looked at too."""
 ALIGNED = 32
@@ -81,12 +86,13 @@ class PlaneFit:
 
 
 def find_edges(
-    axis: AxisCode, contrast: FloatImage, noise: FloatImage, good: BoolArray, rows: slice, along: int
+    axis: AxisCode, contrast: FloatImage, noise: FloatImage, good: BoolArray, rows: slice, along: int, bias: EdgeBias
 ) -> Edges:
     """Edges between neighbours that are both good and one stripe apart, the first of them in `rows`.
 
     `contrast` is white - black and `noise` the standard deviation of pattern - inverse, both (height, width).
-    The difference of pattern and inverse is taken relative to the contrast, so that albedo does not shift the edge.
+    The difference of pattern and inverse is taken relative to the contrast, so that albedo does not shift the edge, and
+    what a straight line misses it by is taken out.
     """
     most = int(np.count_nonzero(good))
     place, seen = np.empty(most, np.int32), np.empty((3, most), np.float32)
@@ -101,6 +107,7 @@ def find_edges(
         along,
         EDGE_SIGMA,
         STEEPEST_CONTRAST,
+        bias,
         place,
         seen,
     )
@@ -173,9 +180,19 @@ class PlaneFitter:
         bias, doubt = plane_bias((slopes[0], slopes[1]), moments, np.sqrt(variance), whole, self._cell, self._along)
         value -= bias
         doubt *= doubt
-        self._variance[here] = variance * scatter_level(value, variance + doubt, whole) + doubt
+        self._variance[here] = variance * scatter_level(value, variance + doubt, self._flat(here, whole)) + doubt
         self._planes[0][here] = value
         return PlaneFit(self._planes, self._sure, self._even, self._variance, self._cell, self._along)
+
+    def _flat(self, here: tuple[slice, slice], whole: NDArray[np.uint8]) -> NDArray[np.uint8]:
+        """1 where a whole window's edges miss their plane by no more than usual: where it folds they do."""
+        variance, share = self._variance[here], self._loose[0][here] * self._loose[1][here]
+        few = slice(None, None, FOLD_EVERY), slice(None, None, FOLD_EVERY)
+        told = whole[few].view(np.bool_)
+        if not told.any():
+            return whole
+        share *= np.float32(FOLDED * np.median(variance[few][told] / share[few][told]))
+        return whole & (variance < share).view(np.uint8)
 
     def _windows(self, here: slice) -> Iterator[tuple[tuple[slice, ...], tuple[slice, slice], slice]]:
         """Of those rows of cells the runs of columns that edges can be seen from, as their columns; the part of the
