@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from retrue.correspondences import Correspondences
-from retrue.errors import DegenerateError, InputError
+from retrue.errors import InputError
 from retrue.geometry.arrays import BoolArray, FloatArray, IntArray, finite_array
 from retrue.geometry.transform import direction_angle, rotation_angle
 from retrue.geometry.two_view import POSE_PARAMETERS
@@ -16,7 +16,6 @@ from retrue.recalibration.all_points import apart_as_chosen, pulled_away, settle
 from retrue.recalibration.bent_planes import bent_planes
 from retrue.recalibration.bows import bow_shapes
 from retrue.recalibration.candidates import (
-    MOST,
     better_without_planes,
     check_spread,
     curved_planes,
@@ -28,14 +27,13 @@ from retrue.recalibration.candidates import (
     quieter,
     refined_poses,
     starting_poses,
-    twins_of_planes,
     with_planes,
 )
 from retrue.recalibration.chance import deviations_limit
 from retrue.recalibration.fit import Support, carried, own_pose, squared_sigmas
+from retrue.recalibration.hypotheses import hypothesis, without_parts
 from retrue.recalibration.lens import LENS_NAMES, LENS_PARAMETERS, stated_prior, wide_prior
-from retrue.recalibration.lens_evidence import LensEvidence, hidden_by_planes, lens_evidence
-from retrue.recalibration.measured import MISFIT_PX
+from retrue.recalibration.lens_evidence import LensEvidence, hidden_by_planes, lens_evidence, untold_misfit
 from retrue.recalibration.near_rivals import allowed_error, near_rivals, spread
 from retrue.recalibration.options import RecalibrateOptions
 from retrue.recalibration.parts import (
@@ -43,7 +41,6 @@ from retrue.recalibration.parts import (
     IN_A_MIRROR,
     MOST_DEVIATIONS,
     Part,
-    copies_among_explained,
     differing_capture,
     homography_residuals,
     most_unexplained,
@@ -59,7 +56,6 @@ from retrue.recalibration.posterior import (
     Parameters,
     Posterior,
     Prior,
-    fit_posterior,
     posterior_at,
 )
 from retrue.recalibration.rays import Rays, loudest_px, rays_of_captures
@@ -78,13 +74,10 @@ from retrue.recalibration.reasons import (
 )
 from retrue.recalibration.result import Evidence, PoseSigma, sigma_at, working_distance
 from retrue.recalibration.rivals import (
-    PARAMETER,
-    RARE,
     Rival,
     light_of,
     move_deg,
     nearest_points,
-    plane_levels,
     ranked,
     same_answer,
 )
@@ -169,14 +162,17 @@ def judge(rig: Rig, captures: Sequence[Correspondences], options: RecalibrateOpt
     light = light_of(rig, captures, few)
     while True:
         measured = _measured(rig, captures, few, homographies, neighbours, options.flatness_sigma, photographs)
-        posteriors = [fit_posterior(measured, start, prior, 6) for start in starts]
+        hypotheses = [hypothesis(measured, start, prior, tight, homographies) for start in starts]
+        posteriors = [one.better() for one in hypotheses]
         best, rivals = ranked(posteriors, measured, few, light, old, (), rng)
-        asides = other_parts([best, *(rival.posterior for rival in rivals)], rng)
+        asked = [best, *(one.fixed for one in hypotheses if one.moved is best), *(rival.posterior for rival in rivals)]
+        asides = other_parts(asked, rng)
+        hypotheses += without_parts(hypotheses, best, asides, homographies, tight, alone=len(captures) == 1)
+        if asides or len(hypotheses) > len(posteriors):
+            compared = [one.better(asides) for one in hypotheses]
+            posteriors = compared[: len(posteriors)]
+            best, rivals = ranked(compared, measured, few, light, old, asides, rng)
         part = most_unexplained(asides, best)
-        apart = _apart(posteriors, best, part, measured, homographies, alone=len(captures) == 1)
-        if apart:
-            best, rivals = ranked([*posteriors, *apart], measured, few, light, old, asides, rng)
-            part = most_unexplained(asides, best)
         lens = lens_evidence(measured, homographies, best, part, tight, wide, old)
         undecided = [best, *(rival.posterior for rival in rivals if rival.margin < 0)]  # each beats another in turn
         curved = np.all([curved_planes(fit) for fit in undecided], axis=0)
@@ -210,7 +206,7 @@ def judge(rig: Rig, captures: Sequence[Correspondences], options: RecalibrateOpt
         best, rivals = ranked([lens.posterior, *lens.others], measured, few, light, old, asides, rng)
         start, prior = best.parameters, Prior(wide, free=True)
     elif lens.verdict == "checked" or not prior.free:
-        prior = Prior(lens.prior)
+        prior = Prior(lens.prior, free=best.prior.free and not prior.free)
     together = photographs if options.calibrated_together is None else options.calibrated_together
     if together and "lens_covariance" not in rig.evidence and not prior.free:
         distance = working_distance(best.fit, best.points, float(np.linalg.norm(rig.projector_from_camera.t)))
@@ -218,7 +214,8 @@ def judge(rig: Rig, captures: Sequence[Correspondences], options: RecalibrateOpt
         prior = replace(prior, kept=lens.kept, together=follows)
     nobody = np.empty((len(rays), 0), dtype=np.int64)
     whole = _measured(rig, captures, rays, homographies, nobody, options.flatness_sigma, photographs)
-    whole = replace(whole, aside=turned if turned.any() else None, misfit=MISFIT_PX if photographs else 0.0)
+    misfit = untold_misfit(whole) if photographs or prior.free else 0.0  # lenses that move take up what lenses leave
+    whole = replace(whole, aside=turned if turned.any() else None, misfit=misfit)
     answer = posterior_at(whole, start, prior)
     others = parts_apart(answer, part, whole.homography_residuals)
     for other in others:
@@ -249,46 +246,6 @@ def judge(rig: Rig, captures: Sequence[Correspondences], options: RecalibrateOpt
     return Judgement(
         rays, whole, answer, best, rivals, near, covariance, lens, outside, part, differing, exchanged, loudest
     )
-
-
-def _apart(
-    posteriors: list[Posterior],
-    best: Posterior,
-    part: Part | None,
-    measured: Measured,
-    homographies: list[FloatArray],
-    *,
-    alone: bool,
-) -> list[Posterior]:
-    """Each hypothesis fitted again without the parts that it does not explain, though they have an explanation.
-
-    And each plane of a capture that is `alone` by itself, where the best is louder than one of them by more than a part
-    costs: it may explain what does not belong together. Captures are one as loud, one as quiet.
-    """
-    points = measured.support.points
-    starts = [(fit.parameters, parts_apart(fit, part, measured.homography_residuals)) for fit in posteriors]
-    if measured.textured:
-        starts += [(fit.parameters, [copy]) for fit in posteriors for copy in copies_among_explained(fit)]
-    level = max(noise.level for noise in best.eased.fit.noises)
-    gained = len(points) * 4 * float(np.log(level / min(plane_levels(measured), default=level)))
-    if alone and len(homographies) > 1 and not gained < 2 * PARAMETER + RARE:
-        for plane, twin in twins_of_planes(points, homographies):
-            elsewhere = points.plane_index != plane
-            starts.append((Parameters.of(twin), [Part("elsewhere", elsewhere, 8, np.empty((0, 2)), 0.0)]))
-    found: list[Posterior] = []
-    for start, others in starts:
-        if others:
-            apart = measured
-            for other in others:
-                apart = set_aside(apart, other)
-            left = LEAST_LEFT if alone else MOST  # several captures of a rig share its pose, and so do most points
-            if apart.aside is not None and np.count_nonzero(~apart.aside) < len(points) * left:
-                continue  # what is left of it any pose explains
-            try:
-                found.append(fit_posterior(apart, start, best.prior, 6))
-            except DegenerateError:
-                continue
-    return found
 
 
 def objection(

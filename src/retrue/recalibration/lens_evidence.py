@@ -10,10 +10,11 @@ import numpy as np
 
 from retrue.errors import DegenerateError
 from retrue.geometry.arrays import FloatArray
-from retrue.geometry.robust import biweight_level, biweight_loss, gather_weights
+from retrue.geometry.robust import biweight_loss
 from retrue.geometry.two_view import POSE_PARAMETERS, TwoViewPose
 from retrue.recalibration.candidates import behind, same_pose
 from retrue.recalibration.chance import beyond_chance
+from retrue.recalibration.hypotheses import drawn_in
 from retrue.recalibration.lens import FOCAL, LENS_PARAMETERS, LensPrior, scaled_starts
 from retrue.recalibration.measured import MISFIT_PX
 from retrue.recalibration.parts import LOUD, Part, shifted_copy, unexplained
@@ -28,7 +29,6 @@ FARTHEST = 3.0  # wide sigma that a lens changes by
 CURVED = 30.0  # times as bowed as planes are: balls, pipes, faces
 ROUGHER = 1.2  # along the epipolar line than across it: what a plane leaves is alike
 BELIEVED_BLOCKS = 10  # that the misfit of real lenses is believed as much as: they differ, and may have none
-GATHERED = 15  # steps
 PART_PRICE = 60.0  # of chi-square: five free parameters, and the choice of points
 
 
@@ -82,7 +82,7 @@ def lens_evidence(
         starts = [(best.parameters, 30)]
         if not measured.textured:  # what photographs' lenses leave over looks like another lens, a little further off
             with suppress(DegenerateError):
-                starts.append((_drawn_in(real, best.parameters, free), 30))
+                starts.append((drawn_in(real, best.parameters, free), 30))
         if apart is not None:
             starts.append((apart, 30))
         if elsewhere or moved > FAR_MOVE_DEG:  # through other lenses, another pose may be it
@@ -139,25 +139,6 @@ def _with_each_alone(measured: Measured, best: Posterior, tight: LensPrior, wide
         return fit_posterior(alone, best.parameters, Prior(wide, free=True), 30).parameters
     except DegenerateError:
         return None
-
-
-def _drawn_in(measured: Measured, start: Parameters, prior: Prior) -> Parameters:
-    """Draw in what a pose of one plane misses, as `gather` does, the lenses being free.
-
-    Through wrong lenses a plane alone is explained by a wrong pose, and what else is seen then looks like an outlier.
-    """
-    plane_index = np.ascontiguousarray(measured.support.points.plane_index)
-    floor = reach = np.inf
-    for _ in range(GATHERED):
-        here = posterior_at(measured, start, prior)
-        both = here.fit.found.both
-        floor = floor if len(start.pose.planes) else biweight_level(here.fit.found.epipolar)
-        weights, floor, reach = gather_weights(both, plane_index, len(start.pose.planes), floor, reach)
-        variances = np.stack([noise.variance for noise in here.fit.noises])
-        robust = np.where(weights > 0, weights, 0.0) * np.where(weights > 0, variances, 0.0)
-        step, _ = replace(here, fit=replace(here.fit, robust_weights=robust)).step(0.0)
-        start = start.moved(step)
-    return start
 
 
 def hidden_by_planes(best: Posterior, part: Part | None, tight: LensPrior, wide: LensPrior, old: TwoViewPose) -> bool:

@@ -47,7 +47,8 @@ class Part:
     parameters : how many free ones it has.
     missed : (rows, 1 or 2) residuals that it leaves, across the epipolar line or both, in the points' own sigma.
     level : their noise.
-    essential, reach : its essential matrix (3, 3), where it has one, and how far from it points agree.
+    essential, reach, lens : its essential matrix (3, 3), where it has one, how far from it points agree, and the change
+        of lenses (8,) through which it was found.
     seldom : the share of its points that are of the rarer kind: of a copy, those that outnumber what it is a copy of.
     """
 
@@ -58,6 +59,7 @@ class Part:
     level: float
     essential: FloatArray | None = None
     reach: float = 0.0
+    lens: FloatArray | None = None
     seldom: float = 1.0
 
     @property
@@ -254,15 +256,21 @@ def most_unexplained(parts: Sequence[Part], posterior: Posterior) -> Part | None
     return max((part for part in parts if _of_another_pose(part, outside)), key=lambda one: one.count, default=None)
 
 
-def part_of_essential(posterior: Posterior, outside: BoolArray, E: FloatArray, reach: float) -> Part:
-    """The points that agree with E (3, 3) to within `reach`, and do not lie on a plane that the pose explains."""
-    points = posterior.points
+def part_of_essential(
+    posterior: Posterior, outside: BoolArray, E: FloatArray, reach: float, lens: FloatArray | None = None
+) -> Part:
+    """The points that agree with E (3, 3) to within `reach`, and do not lie on a plane that the pose explains.
+
+    Through the posterior's lenses, or those (8,) through which E was found.
+    """
+    lens = posterior.parameters.lens if lens is None else lens
+    points = posterior.measured.seen(lens)
     loose = outside | (points.plane_index == FREE) | ~(posterior.fit.robust_weights[1] > 0)
     squares = sampson_squares(E, points.camera_rays, points.projector_rays)
     rows = loose & (squares < reach**2)
     missed: FloatArray = np.sqrt(squares[rows, None]) / _sigma(points.select(rows))[:, None]
     level = max(posterior.fit.epipolar_noise.level, _level(missed))
-    return Part("another pose", rows, POSE_PARAMETERS, missed, level, E, reach)
+    return Part("another pose", rows, POSE_PARAMETERS, missed, level, E, reach, lens)
 
 
 def set_aside(measured: Measured, part: Part) -> Measured:
@@ -275,7 +283,7 @@ def parts_apart(posterior: Posterior, part: Part | None, missed: FloatArray) -> 
     outside = unexplained(posterior)
     found = planes_apart(posterior, outside, missed)
     if part is not None and part.essential is not None:
-        same = part_of_essential(posterior, outside, part.essential, part.reach)
+        same = part_of_essential(posterior, outside, part.essential, part.reach, part.lens)
         found += [same] if _of_another_pose(same, outside) else []
     return found
 

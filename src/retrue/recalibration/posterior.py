@@ -287,12 +287,12 @@ class Posterior:
 
     @property
     def lens_pull(self) -> FloatArray:
-        """(8,) where the points alone draw the lenses, in the metric of `lens_information`, all else having settled."""
+        """(8,) where the points alone draw the rig's lenses, in the metric of `lens_information`, all else settled."""
         own, lens = self._parts
         cross = self.information[np.ix_(own, lens)]
         settled = solve_normal_equations(self.information[np.ix_(own, own)], self.gradient[own])
         pull = cross.T @ settled - self.gradient[lens]
-        return pull + self.prior.lens.precision @ self.parameters.lens
+        return pull + (self.lens_information + self.prior.lens.precision) @ self.parameters.lens
 
     @property
     def bow_information(self) -> FloatArray:

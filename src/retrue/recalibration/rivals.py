@@ -104,7 +104,7 @@ def explained_costs(
     plane = posterior.points.plane_index
     counts = np.bincount(plane[(plane != FREE) & (posterior.fit.robust_weights[1] > 0)], minlength=1)
     price, parts = posterior.prior_cost + 3 * PARAMETER * int(np.count_nonzero(counts >= FEWEST_OF_A_PLANE)), 0.0
-    left = [(other, _costs_of_part(other, plane, floor)) for other in (*posterior.parts, *asides)]
+    left = [(other, _costs_of_part(other, posterior, floor)) for other in (*posterior.parts, *asides)]
     given = np.zeros(len(found), dtype=np.bool_)
     while left:  # the part that gains most comes first: another may have the same points
         gains = [np.maximum(found[other.rows] - explained, 0.0) for other, explained in left]
@@ -124,13 +124,17 @@ def price_of(part: Part) -> float:
     return part.parameters * PARAMETER + (RARE if part.name == A_COPY else 0.0)
 
 
-def _costs_of_part(part: Part, plane: IntArray, floor: Floor) -> FloatArray:
-    """(rows,) what its points cost where it explains them."""
-    explained = part.seldom * SELDOM
-    explained = explained + np.where((plane[part.rows] != FREE) & (part.missed.shape[1] == 1), UNEXPLAINED, 0.0)
-    level = float(np.hypot(part.level, MISFIT_PX))
-    for missed, least in zip(part.missed.T, (floor.across.level, floor.along.level), strict=False):
-        louder = 2 * max(float(np.log(level / np.hypot(least, MISFIT_PX))), 0.0)
+def _costs_of_part(part: Part, posterior: Posterior, floor: Floor) -> FloatArray:
+    """(rows,) what its points cost where it explains them; they are no quieter than those of the pose."""
+    on_plane = posterior.points.plane_index[part.rows] != FREE
+    explained = part.seldom * SELDOM + np.where(on_plane & (part.missed.shape[1] == 1), UNEXPLAINED, 0.0)
+    families = zip(part.missed.T, posterior.fit.noises, (floor.across, floor.along), strict=False)
+    for missed, noise, least in families:
+        quietest = float(np.hypot(least.level, MISFIT_PX))
+        level = float(np.hypot(part.level, MISFIT_PX))
+        if part.level < least.level:  # it gains nothing by that: what real lenses leave over is as large a share of it
+            level = part.level * quietest / least.level
+        louder = 2 * max(float(np.log(max(level, np.hypot(noise.level, MISFIT_PX)) / quietest)), 0.0)
         explained = explained + np.minimum(biweight_loss(missed / level) + louder, UNEXPLAINED)
     return explained
 
@@ -143,12 +147,16 @@ def least(posteriors: list[Posterior]) -> Posterior:
 
 
 def _least(posteriors: list[Posterior], judged: list[Posterior]) -> Posterior:
-    floor = Floor.of(judged)
-    totals: list[float] = []
-    for fit in judged:
-        found, price, parts, _ = explained_costs(fit, floor, ())
+    return posteriors[int(np.argmin(total_costs(judged)))]
+
+
+def total_costs(posteriors: Sequence[Posterior], asides: Sequence[Part] = ()) -> list[float]:
+    """-2 log evidence of each, up to a constant, over the noise of the quietest: points, priors, planes and parts."""
+    floor, totals = Floor.of(posteriors), list[float]()
+    for fit in posteriors:
+        found, price, parts, _ = explained_costs(fit, floor, asides)
         totals.append(float(found.sum()) + price + parts)
-    return posteriors[int(np.argmin(totals))]
+    return totals
 
 
 def nearest_points(rays: Rays) -> IntArray:
@@ -181,7 +189,7 @@ def hidden(posterior: Posterior) -> BoolArray:
         elsewhere = there & there[other] & (plane[other] != plane)
         seen = (x * posterior.pose.planes[np.maximum(plane[other], 0)]).sum(axis=1)
         foreign += elsewhere & (np.abs(seen - own) > APART * sigma)
-    return foreign >= 2
+    return foreign >= 3
 
 
 def ranked(

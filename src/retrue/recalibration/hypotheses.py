@@ -1,0 +1,158 @@
+"""Each hypothesis through the rig's own lenses and through those that it asks for, with all points or without parts."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from contextlib import suppress
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from retrue.errors import DegenerateError
+from retrue.geometry.arrays import FloatArray
+from retrue.geometry.robust import biweight_level, gather_weights
+from retrue.geometry.two_view import TwoViewPose, planes_of_pose
+from retrue.recalibration.candidates import MOST, twins_of_planes
+from retrue.recalibration.lens import LensPrior
+from retrue.recalibration.measured import MISFIT_PX
+from retrue.recalibration.parts import Part, copies_among_explained, most_unexplained, parts_apart, set_aside
+from retrue.recalibration.posterior import Measured, Parameters, Posterior, Prior, fit_posterior, posterior_at
+from retrue.recalibration.rivals import PARAMETER, RARE, plane_levels, total_costs
+
+GATHERED = 15  # steps
+SETTLED = 15  # likewise
+MOVES = 30.0  # of chi-square, by which lenses that move must be better; by chance eight numbers gain it once in 5000
+LIKELY = 15.5  # of chi-square with eight degrees of freedom: further off is one calibrated lens of twenty
+LEAST_LEFT = 0.05  # of the points, as many as a plane holds at least
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Hypothesis:
+    """One explanation of the captures.
+
+    Lenses that are off by what a calibration leaves open make points and planes disagree, as parts of two poses do, or
+    as if all of them were loud. Each of these is a hypothesis of its own, and moved lenses are the rival of both.
+
+    Attributes
+    ----------
+    fixed : through the lenses as they were given.
+    moved : through lenses that move as far as the calibration allows; None where nothing asks for it.
+    """
+
+    fixed: Posterior
+    moved: Posterior | None
+
+    def better(self, asides: Sequence[Part] = ()) -> Posterior:
+        """Through moved lenses where these are clearly better, whichever parts have an explanation of their own."""
+        if self.moved is None:
+            return self.fixed
+        # What no lens explains of a real one is a rival of lenses that move.
+        seen = [
+            posterior_at(replace(fit.measured, misfit=MISFIT_PX), fit.parameters, fit.prior)
+            for fit in (self.fixed, self.moved)
+        ]
+        as_given, through_moved = total_costs(seen, asides)
+        return self.moved if as_given - through_moved > MOVES else self.fixed
+
+
+def hypothesis(
+    measured: Measured, start: Parameters, prior: Prior, tight: LensPrior, homographies: list[FloatArray]
+) -> Hypothesis:
+    """The most probable parameters near the start, in both forms; DegenerateError where no pose is determined."""
+    if prior.free:
+        return Hypothesis(fit_posterior(measured, start, prior, 6), None)
+    fit = fit_posterior(measured, replace(start, lens=np.zeros_like(start.lens)), prior, 6)
+    if measured.textured:  # what photographs' lenses leave over looks like other lenses, and is slower than its scatter
+        return Hypothesis(fit, None)
+    return Hypothesis(fit, _moved(fit, start, tight, homographies))
+
+
+def _moved(fit: Posterior, start: Parameters, tight: LensPrior, homographies: list[FloatArray]) -> Posterior | None:
+    """Each point errs by itself on the way, or all that a lens makes would be taken for a shared error.
+
+    Planes start where their homographies have them: through lenses that are off, they may have bent to what they miss.
+    """
+    free = Prior(tight, free=True)
+    alone = replace(fit.measured, support=fit.measured.support.each_alone())
+    found: list[Posterior] = []
+    with suppress(DegenerateError):
+        _, gain = posterior_at(alone, fit.parameters, free).step(0.0)
+        if fit.parts or gain > MOVES:
+            R, t = fit.pose.R, fit.pose.t
+            near = Parameters.of(TwoViewPose(R, t, planes_of_pose(R, t, homographies)))
+            found.append(fit_posterior(alone, drawn_in(alone, near, free), free, SETTLED))
+    if start.lens.any():  # it was so before, and through the rig's lenses it may have gone astray
+        with suppress(DegenerateError):
+            found.append(fit_posterior(alone, start, free, SETTLED))
+    if not found:
+        return None
+    moved = [posterior_at(fit.measured, one.parameters, free) for one in found]
+    best = moved[int(np.argmin(total_costs(moved)))]
+    lens = best.parameters.lens
+    return best if float(lens @ tight.precision @ lens) < LIKELY else None
+
+
+def drawn_in(measured: Measured, start: Parameters, prior: Prior) -> Parameters:
+    """Draw in what a pose of one plane misses, as `gather` does, the lenses being free.
+
+    Through wrong lenses a plane alone is explained by a wrong pose, and what else is seen then looks like an outlier.
+    """
+    plane_index = np.ascontiguousarray(measured.support.points.plane_index)
+    floor = reach = np.inf
+    for _ in range(GATHERED):
+        here = posterior_at(measured, start, prior)
+        both = here.fit.found.both
+        floor = floor if len(start.pose.planes) else biweight_level(here.fit.found.epipolar)
+        weights, floor, reach = gather_weights(both, plane_index, len(start.pose.planes), floor, reach)
+        variances = np.stack([noise.variance for noise in here.fit.noises])
+        robust = np.where(weights > 0, weights, 0.0) * np.where(weights > 0, variances, 0.0)
+        step, _ = replace(here, fit=replace(here.fit, robust_weights=robust)).step(0.0)
+        start = start.moved(step)
+    return start
+
+
+def without_parts(
+    hypotheses: Sequence[Hypothesis],
+    best: Posterior,
+    asides: Sequence[Part],
+    homographies: list[FloatArray],
+    tight: LensPrior,
+    *,
+    alone: bool,
+) -> list[Hypothesis]:
+    """Each hypothesis fitted again without the parts that it does not explain, though they have an explanation.
+
+    And each plane of a capture that is `alone` by itself, where the best is louder than one of them by more than a part
+    costs: it may explain what does not belong together. Captures are one as loud, one as quiet.
+    """
+    measured = best.measured
+    points, prior = measured.support.points, hypotheses[0].fixed.prior
+    starts: list[tuple[Parameters, list[Part]]] = []
+    for one in hypotheses:
+        for fit in (one.fixed, one.moved):
+            if fit is not None:
+                starts.append(
+                    (fit.parameters, parts_apart(fit, most_unexplained(asides, fit), measured.homography_residuals))
+                )
+    if measured.textured:
+        starts += [(one.fixed.parameters, [copy]) for one in hypotheses for copy in copies_among_explained(one.fixed)]
+    level = max(noise.level for noise in best.eased.fit.noises)
+    gained = len(points) * 4 * float(np.log(level / min(plane_levels(measured), default=level)))
+    if alone and len(homographies) > 1 and not gained < 2 * PARAMETER + RARE:
+        for plane, twin in twins_of_planes(points, homographies):
+            elsewhere = points.plane_index != plane
+            starts.append((Parameters.of(twin), [Part("elsewhere", elsewhere, 8, np.empty((0, 2)), 0.0)]))
+    found: list[Hypothesis] = []
+    for start, others in starts:
+        if others:
+            apart = measured
+            for other in others:
+                apart = set_aside(apart, other)
+            left = LEAST_LEFT if alone else MOST  # several captures of a rig share its pose, and so do most points
+            if apart.aside is not None and np.count_nonzero(~apart.aside) < len(points) * left:
+                continue  # what is left of it any pose explains
+            try:
+                found.append(hypothesis(apart, start, prior, tight, homographies))
+            except DegenerateError:
+                continue
+    return found
