@@ -128,12 +128,9 @@ def without_parts(
     measured = best.measured
     points, prior = measured.support.points, hypotheses[0].fixed.prior
     starts: list[tuple[Parameters, list[Part]]] = []
-    for one in hypotheses:
-        for fit in (one.fixed, one.moved):
-            if fit is not None:
-                starts.append(
-                    (fit.parameters, parts_apart(fit, most_unexplained(asides, fit), measured.homography_residuals))
-                )
+    part = most_unexplained(asides, best)
+    for fit in (fit for one in hypotheses for fit in (one.fixed, one.moved) if fit is not None):
+        starts.append((fit.parameters, parts_apart(fit, part, measured.homography_residuals)))
     if measured.textured:
         starts += [(one.fixed.parameters, [copy]) for one in hypotheses for copy in copies_among_explained(one.fixed)]
     level = max(noise.level for noise in best.eased.fit.noises)
