@@ -44,7 +44,7 @@ def test_the_seed_alone_decides_whatever_the_number_of_cores() -> None:
 
 
 def test_a_plane_has_one_or_two_poses_never_none_or_three() -> None:
-    trials = 80
+    trials = 150
     table = ambiguity(trials, seed=1, workers=1).table
     ours = table.where(method="retrue")
     assert (numbers(ours, "1 or 2") == 100).all()
@@ -73,7 +73,7 @@ def test_the_solvers_are_one_function_of_the_homography() -> None:
 
 def test_we_reach_the_bound_and_say_so_honestly() -> None:
     cells = [Cell(SETUPS[0], 400, 0.3, 0.0), Cell(SETUPS[2], 50, 0.1, 0.0)]
-    trials = 60
+    trials = 100
     table = peers(trials, seed=3, cells=cells, ours_only=True, workers=1).table
     assert set(table.column("bound")) - {"not installed"} == {"holds"}
     for name in ("retrue fit_homography", "retrue fit_homography_robust", WHOLE_JOB):
