@@ -113,7 +113,7 @@ class Prior:
 
     focal: float = 2e-3
     centre_px: float = 1.0
-    k1: float = 0.0
+    k1: float = 1e-3
 
     def draw(self, rng: Generator, lens: Lens) -> Lens:
         """What such a calibration would have written of this lens."""
@@ -121,7 +121,7 @@ class Prior:
         return lens.other(float(np.exp(rng.normal(0, self.focal))), shift, float(rng.normal(0, self.k1)))
 
 
-PRIORS = {"foreign": Prior(), "tight": Prior(2e-4, 0.1), "exact": Prior(0.0, 0.0)}
+PRIORS = {"foreign": Prior(), "tight": Prior(2e-4, 0.1, 1e-4), "exact": Prior(0.0, 0.0, 0.0)}
 
 
 def random_camera(rng: Generator) -> Lens:

@@ -64,6 +64,7 @@ def ask(kind: str, seed: int, job: str, case: Case, settings: Mapping[str, Any])
 def options(prior: Prior, settings: Mapping[str, Any]) -> retrue.RecalibrateOptions:
     """As sure of the lenses as their calibration is, where that is an option."""
     stated = {"focal_sigma": max(prior.focal, 1e-6), "principal_point_sigma_px": max(prior.centre_px, 1e-4)}
+    stated["k1_sigma"] = max(prior.k1, 1e-7)
     known = retrue.RecalibrateOptions.__dataclass_fields__
     return retrue.RecalibrateOptions(**{n: v for n, v in stated.items() if n in known} | dict(settings))
 

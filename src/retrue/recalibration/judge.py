@@ -81,6 +81,7 @@ from retrue.recalibration.rivals import (
     ranked,
     same_answer,
 )
+from retrue.recalibration.slow_errors import taken_up
 from retrue.recalibration.swapped import move_if_exchanged
 from retrue.recalibration.together import pose_with_lenses
 from retrue.recalibration.turned import turned_over
@@ -104,7 +105,7 @@ class Judgement:
     compared : the same on the points that hypotheses were compared on.
     rivals : the others.
     near : those of them that are not beaten, and so near that they only make the answer less sure.
-    covariance : (5, 5) of the answer's pose, these counted.
+    covariance : (5, 5) of the answer's pose, these counted, and slow errors that it took up.
     lens : what the points say of the lenses.
     outside : (N,) points that the answer does not explain.
     other_part : those of them that share another pose.
@@ -214,7 +215,7 @@ def judge(rig: Rig, captures: Sequence[Correspondences], options: RecalibrateOpt
         prior = replace(prior, kept=lens.kept, together=follows)
     nobody = np.empty((len(rays), 0), dtype=np.int64)
     whole = _measured(rig, captures, rays, homographies, nobody, options.flatness_sigma, photographs)
-    misfit = untold_misfit(whole) if photographs or prior.free else 0.0  # lenses that move take up what lenses leave
+    misfit = untold_misfit(whole) if photographs else 0.0
     whole = replace(whole, aside=turned if turned.any() else None, misfit=misfit)
     answer = posterior_at(whole, start, prior)
     others = parts_apart(answer, part, whole.homography_residuals)
@@ -242,7 +243,7 @@ def judge(rig: Rig, captures: Sequence[Correspondences], options: RecalibrateOpt
     differing = differing_capture(whole, rays, answer)
     loudest = loudest_px(captures, options.max_noise_px) if photographs else options.max_noise_px
     near = tuple(near_rivals(answer, rivals, rig, options))
-    covariance = answer.covariance + spread(answer, near)
+    covariance = answer.covariance + taken_up(answer) + spread(answer, near)
     return Judgement(
         rays, whole, answer, best, rivals, near, covariance, lens, outside, part, differing, exchanged, loudest
     )
@@ -310,7 +311,7 @@ def drift(rig: Rig, judgement: Judgement, options: RecalibrateOptions) -> float:
     old, found = own_pose(rig), list[float]()
     for fit in possible:
         there = carried(old, fit.pose)
-        found.append(squared_sigmas(old, fit.pose, fit.covariance + there @ own @ there.T))
+        found.append(squared_sigmas(old, fit.pose, fit.covariance + taken_up(fit) + there @ own @ there.T))
     return float(np.sqrt(min(found)))
 
 

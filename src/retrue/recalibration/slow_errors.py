@@ -1,0 +1,86 @@
+"""What a slow error does to a pose that took it up: the residuals show only what the fit left of it."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from retrue.geometry.arrays import FloatArray
+from retrue.geometry.two_view import PARAMETERS, POSE_PARAMETERS, corrected_rays, normal_blocks
+from retrue.recalibration.fit import inverse_information
+from retrue.recalibration.posterior import LENSES, Posterior
+
+WAVES = 3  # along each side: half waves 0, 1 and 2
+LENGTHS = (0.25, 0.75)  # over which it changes, of the picture's extent
+AMPLITUDES = np.geomspace(0.005, 0.2, 10)  # px
+NONE = 0.5  # of captures, before their points speak
+
+
+def taken_up(answer: Posterior) -> FloatArray:
+    """(5, 5) what the covariance of the pose lacks.
+
+    Across the epipolar lines an error may run smoothly over the picture, f = sum a_k cos(i pi u) cos(j pi v), with
+    a ~ N(0, s^2 Q) and Q = exp(-3/4 length^2 (i^2 + j^2)). Beside the unknowns x, of information A with their priors,
+    it has the restricted likelihood of length and s (Patterson and Thompson 1971)
+
+        G = F^T W F - C^T A^-1 C,    g = F^T W r - C^T A^-1 J^T W r,    C = J^T W F
+        log p = (g^T D (1 + D G D)^-1 D g - log |1 + D G D|) / 2,       D = s Q^(1/2)
+
+    in the noise that neighbours are seen to share. As the pose takes up M a, M = A^-1 C, it lacks M E[a a^T] M^T.
+    """
+    fields = _fields(answer)
+    cross, squares, left = _equations(answer, fields)
+    follows = np.linalg.solve(answer.information, cross)
+    unseen = squares - cross.T @ follows
+    variances = _variances(unseen, left - follows.T @ answer.gradient)
+    if not answer.prior.free:  # then the lenses take up nothing
+        own = np.delete(np.arange(len(cross)), _lenses(answer))
+        follows = inverse_information(answer.information[np.ix_(own, own)]) @ cross[own]
+    pose = follows[:POSE_PARAMETERS]
+    return (pose * variances) @ pose.T
+
+
+def _fields(answer: Posterior) -> FloatArray:
+    """(K, N) the cosines, of RMS 1; (u, v) run over what is seen of the picture, to 1 along its longer side."""
+    pixels = answer.measured.camera_px
+    place = (pixels - pixels.min(axis=0)) / max(float(np.ptp(pixels, axis=0).max()), 1e-300)
+    waves = np.cos(np.pi * np.arange(WAVES)[:, None, None] * place)
+    waves[1:] *= np.sqrt(2)
+    return (waves[:, None, :, 0] * waves[None, :, :, 1]).reshape(-1, len(pixels))
+
+
+def _equations(answer: Posterior, fields: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """C (S, K), F^T W F (K, K) and F^T W r (K,); across its line no point knows its plane, nor how that is bowed."""
+    parameters, fit, count = answer.parameters, answer.fit, len(fields)
+    bows = answer.measured.bends, np.ascontiguousarray(parameters.bows)
+    turns = answer.measured.turns(parameters.lens, corrected_rays(answer.pose, answer.points, fit.weights, bows))
+    columns = np.zeros((count + 1, *fit.weights.shape))
+    columns[:count, 0], columns[count] = fields, fit.found.both
+    blocks = normal_blocks(answer.pose, answer.points, fit.weights, columns, turns, bows).sum(axis=0)
+    last = PARAMETERS + count
+    found, lenses = slice(PARAMETERS, last), slice(last + 1, last + 1 + LENSES)
+    cross = np.zeros((len(answer.gradient), count))
+    cross[:POSE_PARAMETERS], cross[_lenses(answer)] = blocks[found, :POSE_PARAMETERS].T, blocks[lenses, found]
+    lower = np.tril(blocks[found, found])
+    return cross, lower + np.tril(lower, -1).T, blocks[last, found]
+
+
+def _lenses(answer: Posterior) -> slice:
+    start = POSE_PARAMETERS + 3 * len(answer.pose.planes)
+    return slice(start, start + LENSES)
+
+
+def _variances(unseen: FloatArray, left: FloatArray) -> FloatArray:
+    """(K,) of the cosines' amplitudes, averaged over all lengths and s by their evidence; G and g."""
+    squares = (np.arange(WAVES)[:, None] ** 2 + np.arange(WAVES) ** 2).ravel()
+    spectra = np.exp(-0.75 * np.square(LENGTHS)[:, None] * squares)
+    spectra /= spectra.sum(axis=1, keepdims=True)
+    amplitudes = np.append(0.0, AMPLITUDES)
+    before = np.append(NONE, np.full(len(AMPLITUDES), (1 - NONE) / len(AMPLITUDES)))
+    variances = np.square(amplitudes)[:, None, None] * spectra
+    root = np.sqrt(variances)
+    spread = np.eye(len(squares)) + root[..., :, None] * unseen * root[..., None, :]
+    asked = root * left
+    gained = (asked * np.linalg.solve(spread, asked[..., None])[..., 0]).sum(axis=-1)
+    log_evidence = (gained - np.linalg.slogdet(spread)[1]) / 2
+    weights = before[:, None] * np.exp(log_evidence - log_evidence.max())
+    return np.tensordot(weights, variances, 2) / weights.sum()
