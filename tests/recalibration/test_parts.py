@@ -13,7 +13,7 @@ from retrue.geometry.two_view import FREE, tangent_basis
 from retrue.recalibration.chance import beyond_chance, without_chance
 from retrue.recalibration.fit import Support, evaluate
 from retrue.recalibration.lens import stated_prior
-from retrue.recalibration.parts import shifted_copy, unexplained
+from retrue.recalibration.parts import homography_residuals, shifted_copy, unexplained
 from retrue.recalibration.posterior import Prior, posterior_at
 from retrue.recalibration.rays import rays_of_captures
 from retrue.recalibration.recalibrate import recalibrate
@@ -104,10 +104,11 @@ def test_only_what_a_mirror_shows_is_turned_over() -> None:
     assert result.evidence.details["points_of_another_pose"] == pytest.approx(rows.sum(), rel=0.15)
 
 
+@pytest.mark.parametrize("moved", [12, 70])
 @pytest.mark.parametrize("step", [0.05, 0.1])
-def test_copies_to_both_sides_are_seen_among_wrong_matches_that_are_far_off(step: float) -> None:
+def test_copies_to_both_sides_are_seen_among_wrong_matches_that_are_far_off(step: float, moved: int) -> None:
     measured, truth = measured_scene("wall")
-    rng, copied, moved, wrong = np.random.default_rng(0), 40, 12, 60
+    rng, copied, wrong = np.random.default_rng(0), 40, 60
     points, n = measured.support.points, truth.pose.planes[0]
     chosen = rng.choice(len(points), copied + moved + wrong, replace=False)
     rays, size = points.projector_rays.copy(), np.append(rng.choice([-1.0, 1.0], copied), rng.uniform(1.3, 1.6, moved))
@@ -125,6 +126,32 @@ def test_copies_to_both_sides_are_seen_among_wrong_matches_that_are_far_off(step
     assert copy is not None
     assert copy.rows[chosen[:copied]].sum() > 0.9 * copied
     assert not copy.rows[chosen[copied:]].any()
+
+
+@pytest.mark.parametrize("together", [False, True])
+def test_a_copy_on_its_epipolar_lines_is_none_of_the_scene_unless_it_is_a_surface_by_itself(together: bool) -> None:
+    measured, truth = measured_scene("wall")
+    points, n = measured.support.points, truth.pose.planes[0]
+    corner = np.argsort(np.abs(points.camera_rays).max(axis=1))
+    chosen = corner[:40] if together else np.random.default_rng(0).choice(len(points), 40, replace=False)
+    x = np.column_stack([points.camera_rays[chosen], np.ones(len(chosen))])
+    there = x @ (truth.pose.R + 1.3 * truth.pose.t[:, None] * n).T  # one step of the baseline's direction
+    rays, projector_px, plane = points.projector_rays.copy(), measured.projector_px.copy(), points.plane_index.copy()
+    rays[chosen], projector_px[chosen] = there[:, :2] / there[:, 2:], RIG.projector.project(there)
+    plane[chosen] = FREE
+    points = replace(points, projector_rays=rays, plane_index=plane)
+    blocks = measured.support.blocks.copy()
+    blocks[1, chosen] = -1
+    neighbours = np.argsort(((points.camera_rays[:, None] - points.camera_rays) ** 2).sum(axis=2), axis=1)[:, 1:5]
+    support, missed = Support(points, blocks), homography_residuals(points, [truth.pose.R + truth.pose.t[:, None] * n])
+    textured = replace(
+        measured, support=support, projector_px=projector_px, neighbours=neighbours, textured=True,
+        homography_residuals=missed,
+    )  # fmt: skip
+    true = posterior_at(textured, truth, Prior(stated_prior(RIG, 0.01, 5.0, 0.02)))
+    assert true.fit.explained[chosen].mean() > 0.9
+    assert true.impossible[chosen].mean() == pytest.approx(0.0 if together else 1.0, abs=0.1)
+    assert not np.delete(true.impossible, chosen).any()
 
 
 def test_an_error_that_a_block_shares_costs_as_one_and_not_as_many() -> None:

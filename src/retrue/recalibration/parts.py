@@ -24,7 +24,8 @@ MOST_DEVIATIONS = 6.0  # of a capture from the others' pose
 A_COPY, IN_A_MIRROR = "a shifted copy", "points in a mirror"
 SHARE_OF_A_COPY = 0.1  # of the unexplained points; what one shift puts in place along both axes is no chance
 MOST_COPIED, MOST_COPIES = 3, 3  # planes, the largest; and copies of them
-ROUGH_STEP, STEPPED = 0.1, 4  # of a step, by which perspective makes it differ at first; and fits of it
+ROUGH_STEP, STEPPED = 0.1, 8  # of a step, by which perspective makes it differ at first; and fits of it
+MOST_MODES = 3
 STRIPS, MOST_SAMPLES = 4, 180
 CENTRES = 50  # shifts to look for others about
 MOST_ASKED = 4  # hypotheses
@@ -50,6 +51,7 @@ class Part:
     essential, reach, lens : its essential matrix (3, 3), where it has one, how far from it points agree, and the change
         of lenses (8,) through which it was found.
     seldom : the share of its points that are of the rarer kind: of a copy, those that outnumber what it is a copy of.
+    seen_through : whether the pose explains most of it, though it lies between the points of what it is a copy of.
     """
 
     name: str
@@ -61,6 +63,7 @@ class Part:
     reach: float = 0.0
     lens: FloatArray | None = None
     seldom: float = 1.0
+    seen_through: bool = False
 
     @property
     def count(self) -> int:
@@ -157,18 +160,40 @@ def _stepped(
 ) -> tuple[BoolArray, FloatArray]:
     """(N,) points that lie one step p from their plane's, y ~ H x + p (n x) or less that; and what (N, 2) they miss.
 
-    Which way is told by the sign along an axis. p, in the second device's frame, is linear least squares.
+    Which way is told by the sign along an axis. What moved has steps, too, and often more: each mode of them is asked.
     """
     gap = y[:, :2] - forth[:, :2] / forth[:, 2:]
-    way = np.where(gap[:, axis] < 0, -1.0, 1.0)
-    w = way * inverse_depth
+    w = np.where(gap[:, axis] < 0, -1.0, 1.0) * inverse_depth
     step = gap * (forth[:, 2] / w)[:, None]
     relative = np.column_stack([np.log(np.hypot(*step.T) + 1e-300), np.arctan2(step[:, 1 - axis], step[:, axis])])
-    mode, missed = within_reach_of_mode(relative, CENTRES, ROUGH_STEP), gap
+    apart = np.abs(gap).max(axis=1) > noise
+    asked, best, missed = apart.copy(), np.zeros(len(y), dtype=np.bool_), gap
+    for _ in range(MOST_MODES):
+        rows = np.flatnonzero(asked)
+        rough = rows[within_reach_of_mode(relative[rows], CENTRES, ROUGH_STEP)] if len(rows) else rows
+        if len(rough) < FEWEST_OF_A_PART:
+            break
+        asked[rough] = False
+        mode, off = _of_one_step(y, forth, w, rough, noise)
+        if np.count_nonzero(mode & apart) > np.count_nonzero(best):
+            best, missed = mode & apart, off
+    return best, missed
+
+
+def _of_one_step(
+    y: FloatArray, forth: FloatArray, w: FloatArray, rows: IntArray, noise: float
+) -> tuple[BoolArray, FloatArray]:
+    """(N,) points where y ~ forth + w p, for the p of most of those rows; and what (N, 2) they miss.
+
+    p, in the second device's frame, is linear least squares; what does not belong to them leaves half by half.
+    """
     left = np.zeros((len(y), 2, 3))
     left[:, 0, 0] = left[:, 1, 1] = w
     left[:, :, 2] = -y[:, :2] * w[:, None]
     right = y[:, :2] * forth[:, 2:] - forth[:, :2]
+    mode = np.zeros(len(y), dtype=np.bool_)
+    mode[rows] = True
+    size, missed = np.full(len(y), np.inf), right
     for _ in range(STEPPED):
         if np.count_nonzero(mode) < FEWEST_OF_A_PART:
             break
@@ -176,8 +201,9 @@ def _stepped(
         p = np.linalg.lstsq(A.T @ A, A.T @ b, rcond=None)[0]
         there = forth + w[:, None] * p
         missed = y[:, :2] - there[:, :2] / there[:, 2:]
-        mode = np.abs(missed).max(axis=1) < noise
-    return mode & (np.abs(gap).max(axis=1) > noise), missed
+        size = np.abs(missed).max(axis=1)
+        mode = size < max(noise, float(np.median(size[mode])))
+    return size < noise, missed
 
 
 def copies_among_explained(posterior: Posterior) -> list[Part]:
@@ -193,6 +219,24 @@ def copies_among_explained(posterior: Posterior) -> list[Part]:
     return [copy for copy in shifted_copies(posterior, ~held) if (copy.rows & posterior.fit.explained).any()]
 
 
+def copies_seen_through(posterior: Posterior) -> list[Part]:
+    """Shifted copies that the pose explains, of points that lie between those of a plane.
+
+    A surface one step before a plane, all over, that shows the plane between each two of its points: it is the print,
+    from any pose that explains the plane, and tells nothing of which.
+    """
+    neighbours, plane = posterior.measured.neighbours, posterior.points.plane_index
+    if not posterior.measured.textured or not neighbours.size:
+        return []
+    beside = np.where(posterior.fit.robust_weights[1] > 0, plane, FREE)[neighbours]
+    between = np.count_nonzero((beside != FREE) & (beside != plane[:, None]), axis=1) >= 2
+    explained = posterior.fit.explained
+    if not (between & explained).any():
+        return []
+    found = shifted_copies(posterior, between)
+    return [replace(one, seen_through=True) for one in found if 2 * np.count_nonzero(one.rows & explained) > one.count]
+
+
 def shifted_copies(posterior: Posterior, outside: BoolArray) -> list[Part]:
     """The `shifted_copy` of those points, that of the others, ..."""
     found: list[Part] = []
@@ -200,6 +244,13 @@ def shifted_copies(posterior: Posterior, outside: BoolArray) -> list[Part]:
         outside = outside & ~copy.rows
         found.append(copy)
     return found
+
+
+def parts_of(posterior: Posterior) -> list[Part]:
+    """Copies of planes that the pose explains, and planes that it does not: each has its own explanation."""
+    outside = unexplained(posterior)
+    apart = planes_apart(posterior, outside, posterior.measured.homography_residuals)
+    return shifted_copies(posterior, outside) + apart + copies_seen_through(posterior)
 
 
 def other_part(posterior: Posterior, outside: BoolArray, rng: np.random.Generator) -> Part | None:

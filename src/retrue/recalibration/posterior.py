@@ -260,15 +260,16 @@ class Posterior:
         """(N,) points that it has behind a device, or explains where it hides them: surfaces are opaque."""
         from retrue.recalibration.rivals import hidden
 
-        return behind(self.pose, self.points, self.fit.epipolar_noise.level) | hidden(self)
+        back = behind(self.pose, self.points, self.fit.epipolar_noise.level)
+        copies = self.parts if self.measured.textured else []
+        return np.any([back, hidden(self), *(part.rows for part in copies if part.seen_through)], axis=0)
 
     @cached_property
     def parts(self) -> list[Part]:
-        """Shifted copies of planes that it explains, and planes that it does not: each has its own explanation."""
-        from retrue.recalibration.parts import planes_apart, shifted_copies, unexplained
+        """Copies of planes that it explains, and planes that it does not: each has its own explanation."""
+        from retrue.recalibration.parts import parts_of
 
-        outside = unexplained(self)
-        return shifted_copies(self, outside) + planes_apart(self, outside, self.measured.homography_residuals)
+        return parts_of(self)
 
     @property
     def lens_covariance(self) -> FloatArray:
