@@ -14,6 +14,7 @@ from retrue.decoding.gray.faults import (
     CAPTURE,
     ends_with_white_and_black,
     explain_count,
+    missing_numbers,
     require_complements,
     require_light,
 )
@@ -71,15 +72,16 @@ def arrange(pattern: GrayCode | FrameSequence, images: Sequence[Image], names: S
     _require_alike(images, names)
     if isinstance(pattern, GrayCode):
         return _arrange_gray_code(pattern, images, names)
+    if pattern.files is None and (gap := missing_numbers(names, pattern.picture_count)):
+        raise CaptureError(CAPTURE, f"expected {_asked(pattern)}, found {len(images)} pictures: {gap}")
     spec = as_captured(pattern, len(images))
     if spec.files is not None:
         order = _order(spec.files, names)
         images, names = [images[index] for index in order], [names[index] for index in order]
     if len(images) != spec.picture_count:
-        from retrue.decoding.sequence.diagnosis import looks_like
+        from retrue.decoding.sequence.diagnosis import found_instead
 
-        seen = looks_like(images, spec.projector_size)
-        raise CaptureError(CAPTURE, f"expected {_asked(spec)}, found {seen}")
+        raise CaptureError(CAPTURE, f"expected {_asked(spec)}, found {found_instead(spec, images, names)}")
     grey = [_grey(image) for image in images]
     require_light(grey)
     white, black, color = scene_lights(spec, images, grey)
