@@ -72,8 +72,6 @@ def arrange(pattern: GrayCode | FrameSequence, images: Sequence[Image], names: S
     _require_alike(images, names)
     if isinstance(pattern, GrayCode):
         return _arrange_gray_code(pattern, images, names)
-    if pattern.files is None and (gap := missing_numbers(names, pattern.picture_count)):
-        raise CaptureError(CAPTURE, f"expected {_asked(pattern)}, found {len(images)} pictures: {gap}")
     spec = as_captured(pattern, len(images))
     if spec.files is not None:
         order = _order(spec.files, names)
@@ -86,6 +84,14 @@ def arrange(pattern: GrayCode | FrameSequence, images: Sequence[Image], names: S
     require_light(grey)
     white, black, color = scene_lights(spec, images, grey)
     return ArrangedSequence(spec, grey, list(names), white, black, color)
+
+
+def require_all_numbers(pattern: GrayCode | FrameSequence, names: Sequence[str]) -> None:
+    """Raise where the files' numbers say which pictures of a sequence are missing: the rest may fit another count."""
+    if isinstance(pattern, GrayCode) or pattern.files is not None:
+        return
+    if gap := missing_numbers(names, pattern.picture_count):
+        raise CaptureError(CAPTURE, f"expected {_asked(pattern)}, found {len(names)} pictures: {gap}")
 
 
 def frames_of(pattern: GrayCode | FrameSequence, count: int) -> tuple[Frame, ...] | None:

@@ -15,7 +15,7 @@ from retrue.decoding.gray.decode_gray_code import band_rows, read_gray
 from retrue.decoding.gray.faults import CAPTURE
 from retrue.decoding.gray.sequence import gray_sequence
 from retrue.decoding.light import FULL, saturated
-from retrue.decoding.sequence.arrange import ArrangedSequence, arrange, frames_of, scene_lights
+from retrue.decoding.sequence.arrange import ArrangedSequence, arrange, frames_of, require_all_numbers, scene_lights
 from retrue.decoding.sequence.read_sines import FEWEST_TURNS, plan_sines, read_sines
 from retrue.decoding.sequence.read_sines import REASONS as SINE_REASONS
 from retrue.decoding.sequence.sine_faults import ON_ITS_HEAD, SineFault, find_sine_fault
@@ -73,6 +73,7 @@ def decode_pictures(
     Pictures that do not decode are asked what happened to them. Where they can be read all the same they are, and the
     card says so; else the error says what happened, and first that they are overexposed, where that may be why.
     """
+    require_all_numbers(pattern, names)
     try:
         return _decode_or_diagnose(pattern, images, names)
     except CaptureError as error:
