@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from retrue.decoding.decode import decode
+from retrue.decoding.sequence.diagnosis import shows_another_code
 from retrue.errors import CaptureError
 from retrue.patterns.gray_code import GrayCode
 from retrue.patterns.layouts import gray_frames, layout_sequence, sine_frames
@@ -228,3 +229,63 @@ def test_a_layout_that_only_has_as_many_pictures_is_not_named():
     shown = shot_of(layout_sequence("procam-calibration", SIZE).frames)
     with pytest.raises(CaptureError, match="fit the layout procam-calibration or opencv;"):
         decode(layout_sequence("slstudio-2x3", SIZE), shown.pictures)
+
+
+MISCOUNTED = {
+    "one missing": ([k for k in range(38) if k != 11], "found 37 pictures: number 12 is missing, after img_11.png"),
+    "two missing": (
+        [k for k in range(38) if k not in (11, 12)],
+        "found 36 pictures: numbers 12 and 13 are missing, the first after img_11.png",
+    ),
+    "one too many": ([*range(38), 37], "found 39 pictures: img_39.png shows the same as img_38.png before it"),
+    "all of one axis but one": (list(range(19)), "found 19 pictures"),
+}
+
+
+@pytest.mark.parametrize("case", MISCOUNTED)
+@pytest.mark.parametrize("noise", [1.0, 6.0])
+def test_pictures_that_are_missing_or_too_many_are_named_and_no_other_code_suspected(case, noise):
+    pattern = layout_sequence("3dunderworld", SIZE)
+    taken, said = MISCOUNTED[case]
+    shown = shot_of(pattern.frames, albedo=0.4, noise=noise)
+    names = [f"img_{index + 1:02d}.png" for index in (taken if "missing" in case else range(len(taken)))]
+    with pytest.raises(CaptureError) as caught:
+        decode(pattern, [shown.pictures[index] for index in taken], names=names)
+    assert str(caught.value).endswith(said)
+
+
+@pytest.mark.parametrize("layout", ["slstudio-2x3", "slstudio-nstep", "3dunderworld"])
+def test_overexposed_pictures_are_called_so_and_not_another_code(layout):
+    pattern = layout_sequence(layout, SIZE)
+    bright = [np.minimum(2.2 * image.astype(float), 255).astype(np.uint8) for image in shot_of(pattern.frames).pictures]
+    assert not shows_another_code(pattern, bright)
+    exchanged = [*bright[5:], *bright[:5]]
+    with pytest.raises(CaptureError, match="of the lit pixels are overexposed: shorten the exposure; read as they are"):
+        decode(pattern, exchanged)
+
+
+def test_sines_that_noise_hides_are_called_noisy_and_not_out_of_order():
+    pattern = FrameSequence(SIZE, tuple(both(CODES["cue"])))
+    with pytest.raises(CaptureError, match=r"too noisy for these sines: \d+\.\d grey levels"):
+        decode(pattern, shot_of(pattern.frames, albedo=0.4, noise=12.0).pictures)
+
+
+def test_where_print_is_bright_enough_order_is_told_though_noise_hides_it_elsewhere():
+    pattern = FrameSequence(SIZE, tuple(both(CODES["cue"])))
+    x = np.arange(CAMERA[0]) // 12 % 4 == 0
+    shot = shot_of(pattern.frames, albedo=np.where(x, 0.95, 0.33), noise=3.5)
+    points = decode(pattern, shot.pictures)
+    assert points.card.advice == ()
+    assert np.mean(np.abs(errors(shot, points)).max(axis=1) > 16) < 1e-3
+
+
+def test_one_sine_of_three_shifts_is_said_to_hide_gamma():
+    one, more = (shot_of(sine_frames("column", float(SIZE[0]), shifts)) for shifts in (3, 5))
+    said = ["gamma" in " ".join(decode(shot.pattern, shot.pictures).card.advice) for shot in (one, more)]
+    assert said == [True, False]
+
+
+def test_hardly_any_light_beyond_noise_is_told():
+    pattern = layout_sequence("slstudio-gray", SIZE)
+    with pytest.raises(CaptureError, match="pixels are lit beyond their noise: expose longer"):
+        decode(pattern, shot_of(pattern.frames, albedo=0.15, noise=6.0).pictures)

@@ -35,6 +35,8 @@ CONFLICT = 0.7
 MOST_CONFLICTS = 0.15
 LEAST_TRANSITIONS = 16
 MOST_OUTSIDE = 0.02
+MOST_MISSING = 8
+"""Numbers in a row: names that lack more are not numbered one by one."""
 
 
 def require_light(grey: Sequence[Image]) -> None:
@@ -74,8 +76,8 @@ def explain_count(pattern: GrayCode, grey: Sequence[Image], names: Sequence[str]
         f"expected {expected} pictures ({pattern.bits[0]} + {pattern.bits[1]} bits, pattern and inverse, white and "
         f"black) for a projector of {width} x {height}, found {found}"
     )
-    gap = _missing_number(names)
-    if found == expected - 1 and gap:
+    gap = missing_numbers(names, expected)
+    if gap:
         return f"{counts}: {gap}"
     if found < 4:
         return counts
@@ -182,13 +184,20 @@ def _sample(grey: Sequence[Image]) -> NDArray[np.float32]:
     return np.stack([image[rows, columns].ravel() for image in grey]).astype(np.float32)
 
 
-def _missing_number(names: Sequence[str]) -> str:
-    """The one number that is missing from numbered names, or nothing."""
+def missing_numbers(names: Sequence[str], expected: int) -> str:
+    """Which numbers are missing from numbered names, of so many that are expected; nothing where none, or more, are."""
     runs = [re.findall(r"\d+", name.rsplit(".", 1)[0]) for name in names]
     if not all(runs):
         return ""
     numbers = [int(run[-1]) for run in runs]
-    for before, (number, following) in enumerate(pairwise(numbers)):
-        if following == number + 2 and numbers[-1] - numbers[0] == len(numbers):
-            return f"number {number + 1} is missing, after {names[before]}"
-    return ""
+    gaps = [
+        (missing, before)
+        for (number, following), before in zip(pairwise(numbers), names, strict=False)
+        for missing in range(number + 1, min(following, number + MOST_MISSING + 1))
+    ]
+    if not gaps or any(b <= a for a, b in pairwise(numbers)) or len(gaps) != expected - len(names):
+        return ""
+    if len(gaps) == 1:
+        return f"number {gaps[0][0]} is missing, after {gaps[0][1]}"
+    listed = f"{', '.join(str(missing) for missing, _ in gaps[:-1])} and {gaps[-1][0]}"
+    return f"numbers {listed} are missing, the first after {gaps[0][1]}"

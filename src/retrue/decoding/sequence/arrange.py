@@ -14,6 +14,7 @@ from retrue.decoding.gray.faults import (
     CAPTURE,
     ends_with_white_and_black,
     explain_count,
+    missing_numbers,
     require_complements,
     require_light,
 )
@@ -76,14 +77,21 @@ def arrange(pattern: GrayCode | FrameSequence, images: Sequence[Image], names: S
         order = _order(spec.files, names)
         images, names = [images[index] for index in order], [names[index] for index in order]
     if len(images) != spec.picture_count:
-        from retrue.decoding.sequence.diagnosis import looks_like
+        from retrue.decoding.sequence.diagnosis import found_instead
 
-        seen = looks_like(images, spec.projector_size)
-        raise CaptureError(CAPTURE, f"expected {_asked(spec)}, found {seen}")
+        raise CaptureError(CAPTURE, f"expected {_asked(spec)}, found {found_instead(spec, images, names)}")
     grey = [_grey(image) for image in images]
     require_light(grey)
     white, black, color = scene_lights(spec, images, grey)
     return ArrangedSequence(spec, grey, list(names), white, black, color)
+
+
+def require_all_numbers(pattern: GrayCode | FrameSequence, names: Sequence[str]) -> None:
+    """Raise where the files' numbers say which pictures of a sequence are missing: the rest may fit another count."""
+    if isinstance(pattern, GrayCode) or pattern.files is not None:
+        return
+    if gap := missing_numbers(names, pattern.picture_count):
+        raise CaptureError(CAPTURE, f"expected {_asked(pattern)}, found {len(names)} pictures: {gap}")
 
 
 def frames_of(pattern: GrayCode | FrameSequence, count: int) -> tuple[Frame, ...] | None:

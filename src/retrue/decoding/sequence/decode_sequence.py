@@ -15,9 +15,9 @@ from retrue.decoding.gray.decode_gray_code import band_rows, read_gray
 from retrue.decoding.gray.faults import CAPTURE
 from retrue.decoding.gray.sequence import gray_sequence
 from retrue.decoding.light import FULL, saturated
-from retrue.decoding.sequence.arrange import ArrangedSequence, arrange, frames_of, scene_lights
+from retrue.decoding.sequence.arrange import ArrangedSequence, arrange, frames_of, require_all_numbers, scene_lights
+from retrue.decoding.sequence.read_sines import FEWEST_TURNS, plan_sines, read_sines
 from retrue.decoding.sequence.read_sines import REASONS as SINE_REASONS
-from retrue.decoding.sequence.read_sines import plan_sines, read_sines
 from retrue.decoding.sequence.sine_faults import ON_ITS_HEAD, SineFault, find_sine_fault
 from retrue.errors import CaptureError
 from retrue.geometry.arrays import FloatArray, Image
@@ -31,6 +31,10 @@ FIRST_PX = 1.0
 """The first pixel, which ends at 0.5, and a margin for noise."""
 LEAST_SINE = 0.1
 """Of the angle between the two axes of the projector, as the camera sees them."""
+MOST_OVEREXPOSED = 0.3
+"""Of the lit pixels: with more, overexposure may be why a capture does not decode."""
+LEAST_LIT = 0.01
+"""Of the picture: of less, noise is why nothing decodes, since light was seen."""
 REASONS = {**GRAY_REASONS, **SINE_REASONS}
 
 
@@ -67,8 +71,23 @@ def decode_pictures(
     """The same, with the pictures as they were understood.
 
     Pictures that do not decode are asked what happened to them. Where they can be read all the same they are, and the
-    card says so; else the error says what happened.
+    card says so; else the error says what happened, and first that they are overexposed, where that may be why.
     """
+    require_all_numbers(pattern, names)
+    try:
+        return _decode_or_diagnose(pattern, images, names)
+    except CaptureError as error:
+        from retrue.decoding.sequence.diagnosis import overexposed
+
+        if frames_of(pattern, len(images)) is None or not (share := overexposed(images)) > MOST_OVEREXPOSED:
+            raise
+        too_bright = f"{100 * share:.0f} % of the lit pixels are overexposed: shorten the exposure"
+        raise CaptureError(CAPTURE, f"{too_bright}; read as they are, {error.problem}") from error
+
+
+def _decode_or_diagnose(
+    pattern: GrayCode | FrameSequence, images: Sequence[Image], names: Sequence[str]
+) -> tuple[Correspondences, ArrangedSequence]:
     try:
         sequence = arrange(pattern, images, names)
         if (fault := find_sine_fault(sequence.spec, sequence.pictures, sequence.names)) is not None:
@@ -284,7 +303,13 @@ def _card(
     rejected = {reason: sum(band.rejected[reason] for band in bands) for reason in bands[0].rejected}
     if points == 0:
         reason = max(rejected, key=lambda name: rejected[name])
-        what = f"{rejected[reason]} of {lit} lit pixels: {REASONS[reason]}" if lit else "no pixel is lit"
+        if not lit > LEAST_LIT * pixels:
+            raise CaptureError(
+                CAPTURE,
+                f"nothing decodes: {lit} of {pixels} pixels are lit beyond their noise: expose longer, or brighten the "
+                "projector",
+            )
+        what = f"{rejected[reason]} of {lit} lit pixels: {REASONS[reason]}"
         raise CaptureError(CAPTURE, f"nothing decodes: {what}; do the pictures show this pattern?")
     return Card(
         "pixels",
@@ -322,8 +347,25 @@ def _advice(sequence: ArrangedSequence, lit: int, rejected: Mapping[str, int]) -
         advice.append("most pixels do not resolve the finest stripes: focus, expose longer, or use a larger step")
     if rejected.get("alone", 0) > 0.5 * lit:
         advice.append("stripe edges are sparse: noise or texture hides them; expose longer")
+    if any(_gamma_is_hidden(sequence.spec, axis) for axis in sequence.spec.axes):
+        advice.append(
+            "one sine of three shifts cannot tell the projector's gamma, which may move points by several per cent of "
+            "its period, beside their sigma: set it to linear, or add a finer sine"
+        )
     white = sequence.white[::4, ::4]
     full = float(np.mean(white >= np.iinfo(white.dtype).max))
     if full > 0.05:
         advice.append(f"{100 * full:.0f} % of the white picture is overexposed: shorten the exposure")
     return advice
+
+
+def _gamma_is_hidden(spec: FrameSequence, axis: int) -> bool:
+    """Whether an axis is told by one sine of three shifts alone, over the whole projector: gamma bends its phases as
+    another surface would."""
+    sines = spec.sines(axis)
+    return (
+        spec.gray(axis) is None
+        and len(sines) == 1
+        and len(sines[0].pictures) == 3
+        and sines[0].period_px * FEWEST_TURNS > spec.projector_size[axis]
+    )

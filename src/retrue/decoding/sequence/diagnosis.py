@@ -9,6 +9,7 @@ from itertools import pairwise
 import numpy as np
 
 from retrue.decoding.gray.faults import require_complements
+from retrue.decoding.light import FULL
 from retrue.decoding.sequence.arrange import ArrangedSequence, frames_of, grey_pictures, scene_lights
 from retrue.decoding.sequence.hypotheses import (
     FEWEST_CHANGES,
@@ -44,10 +45,14 @@ AS_GOOD = 1.5
 """Times the misfit of the best correction: a simpler one that leaves no more is believed."""
 LEAST_SHARE, LEAST_SPREAD = 0.04, 1.08
 HEADROOM = 1.3
-SINUSOIDAL = 0.35
-"""Share of pixels and pictures between dark and bright, beyond which they show sines."""
+SINUSOIDAL = 0.3
+"""Share of pixels between dark and bright in a picture, beyond which it shows a sine."""
 MIDDLE = (0.2, 0.8)
 """Of a pixel's brightness: a sine passes here, a bit does not."""
+LEAST_TOLD = 0.5
+"""Of the lit pixels: so many must be below the end of the scale to tell sines from bits."""
+SAME = 0.04
+"""Of the contrast: two pictures that differ by less almost everywhere show the same."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -127,6 +132,34 @@ def looks_like(images: Sequence[Image], projector_size: tuple[int, int] = (1024,
     return f"{count}, {what}{tried}; {made}"
 
 
+def found_instead(spec: FrameSequence, images: Sequence[Image], names: Sequence[str]) -> str:
+    """What is there in place of the pictures of `spec`, whose number is another.
+
+    Where they show the same code, and no other layout fits them, pictures are missing or too many: which are too many,
+    where what they show tells.
+    """
+    count = f"{len(images)} pictures"
+    codes = {frame.code for frame in spec.frames} & {"gray", "phase"}
+    sines = show_sines(images)
+    alike = sines is None or ("phase" if sines else "gray") in codes
+    if not alike or fitting_layouts(images, spec.projector_size):
+        return looks_like(images, spec.projector_size)
+    repeated = repeated_pictures(images) if len(images) > spec.picture_count else []
+    if repeated:
+        return f"{count}: {names[repeated[0]]} shows the same as {names[repeated[0] - 1]} before it"
+    return count
+
+
+def repeated_pictures(images: Sequence[Image]) -> list[int]:
+    """Which pictures show the same as the one before, but for noise."""
+    sample = take_sample(grey_pictures(images), np.random.default_rng(0))
+    if sample is None:
+        return []
+    contrast = np.maximum(np.ptp(sample.here, axis=0), 1e-6)
+    off = np.percentile(np.abs(np.diff(sample.here, axis=0)) / contrast, 80, axis=1)
+    return (np.flatnonzero(off < SAME) + 1).tolist()
+
+
 def fitting_layouts(images: Sequence[Image], projector_size: tuple[int, int]) -> list[str]:
     """Names of layouts of bits by which the pictures decode to codes that go on from pixel to pixel; of equals, all."""
     sample = take_sample(grey_pictures(images), np.random.default_rng(0)) if images else None
@@ -148,17 +181,44 @@ def _fit(sample: Sample, spec: FrameSequence) -> float | None:
 
 
 def show_sines(images: Sequence[Image]) -> bool | None:
-    """Whether a sequence shows sines, and not bits; None where its pictures are too small or dark to tell."""
-    sample = take_sample(grey_pictures(images), np.random.default_rng(0))
+    """Whether a sequence shows sines, and not bits; None where its pictures are too few, small, dark or bright to tell.
+
+    Of the pixels that no picture shows at the end of its scale, where a sine looks like a bit, those of most contrast,
+    since noise puts bits between dark and bright; in most pictures, since blur does so to the finest stripes. A pixel's
+    own darkest and brightest picture tell nothing.
+    """
+    grey = grey_pictures(images)
+    sample = take_sample(grey, np.random.default_rng(0)) if len(images) > 2 else None
     if sample is None:
         return None
-    low, high = sample.here.min(axis=0), sample.here.max(axis=0)
-    scaled = (sample.here - low) / np.maximum(high - low, 1e-6)
-    return np.count_nonzero((scaled > MIDDLE[0]) & (scaled < MIDDLE[1])) / scaled.size > SINUSOIDAL
+    seen = sample.here[:, ~(sample.here >= FULL * np.iinfo(grey[0].dtype).max).any(axis=0)]
+    if seen.shape[1] < LEAST_TOLD * sample.here.shape[1]:
+        return None
+    contrast = np.ptp(seen, axis=0)
+    seen = seen[:, contrast >= np.percentile(contrast, 75)]
+    scaled = (seen - seen.min(axis=0)) / np.maximum(np.ptp(seen, axis=0), 1e-6)
+    between = np.mean((scaled > MIDDLE[0]) & (scaled < MIDDLE[1]), axis=1)
+    return float(np.median(between)) * len(images) / (len(images) - 2) > SINUSOIDAL
+
+
+def overexposed(images: Sequence[Image]) -> float:
+    """Share of the lit pixels that some picture shows at the end of its scale; 0 where there is nothing to tell."""
+    if len({image.shape[:2] for image in images}) != 1 or len({image.dtype for image in images}) != 1:
+        return 0.0
+    grey = grey_pictures(images)
+    sample = take_sample(grey, np.random.default_rng(0))
+    if sample is None:
+        return 0.0
+    return float(np.mean((sample.here >= FULL * np.iinfo(grey[0].dtype).max).any(axis=0)))
 
 
 def shows_another_code(pattern: GrayCode | FrameSequence, images: Sequence[Image]) -> bool:
-    """Whether the pictures show sines where the pattern has bits, or bits where it has sines only."""
+    """Whether the pictures show sines where the pattern has bits, or bits where it has sines only.
+
+    False of a sequence of another number of pictures: `found_instead` has told what they are.
+    """
+    if isinstance(pattern, FrameSequence) and frames_of(pattern, len(images)) is None:
+        return False
     codes = {"gray"} if isinstance(pattern, GrayCode) else {frame.code for frame in pattern.frames}
     sines = show_sines(images)
     return sines is not None and codes & {"gray", "phase"} == ({"gray"} if sines else {"phase"})

@@ -125,7 +125,9 @@ def _fitted(levels: FloatArray, scatter: FloatArray) -> Noise:
     if not len(levels):
         return Noise(FLOOR, 0.0)
     order = np.argsort(levels, kind="stable")
-    parts = [part for part in np.array_split(order, LEVELS) if len(part) >= min(LEAST_PIXELS, len(order) // LEVELS)]
+    parts = [
+        part for part in np.array_split(order, LEVELS) if len(part) >= max(min(LEAST_PIXELS, len(order) // LEVELS), 1)
+    ]
     brightness = np.array([float(np.mean(levels[part])) for part in parts])
     variance = np.array([(MAD_TO_SIGMA * float(np.median(np.abs(scatter[part])))) ** 2 for part in parts])
     if float(np.ptp(brightness)) > 1:

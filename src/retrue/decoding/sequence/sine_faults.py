@@ -17,6 +17,7 @@ import numpy as np
 from retrue.decoding.gray.faults import CAPTURE
 from retrue.decoding.light import FULL
 from retrue.decoding.sequence.hypotheses import LATEST, Sample, take_sample
+from retrue.decoding.sequence.noise import measure_noise
 from retrue.decoding.sequence.sine_gains import fit_sine_gains, sine_misfit
 from retrue.errors import CaptureError, InputError
 from retrue.geometry.arrays import BoolArray, FloatArray, Image
@@ -28,6 +29,10 @@ ALIKE_MEAN, ALIKE_MODULATION = 0.35, (0.4, 2.5)
 """Of the modulation, by which means may differ, and the ratio of modulations."""
 HOLDS, CLEAR = 0.7, 0.15
 """Share of pixels at which all agree in a sequence that is as expected; by how much another order must hold better."""
+SURE = 2.0
+"""Sigmas: where noise moves what a coarse sine foretells by `NEAR` at so many, it still tells."""
+LEAST_TELLING = 0.02
+"""Of the lit pixels: fewer that noise leaves able to tell cannot tell what is wrong."""
 SAME = 0.04
 """Of the contrast: two pictures that differ by less almost everywhere show the same."""
 DARK = 0.2
@@ -85,6 +90,10 @@ def find_sine_fault(spec: FrameSequence, grey: Sequence[Image], names: Sequence[
     as_it_was = sample.corrected(np.ones(len(grey)) if gains is None else gains, share)
     here = as_it_was.here
     held = agreement(here, spec)
+    if not held > HOLDS:
+        as_it_was = _telling(as_it_was, spec, grey)
+        here = as_it_was.here
+        held = agreement(here, spec)
     if not held > HOLDS and any(agreement(_straight(here, gamma), spec) > HOLDS for gamma in GAMMAS):
         return None  # reading measures that, and takes it out
     if not held > HOLDS:
@@ -181,6 +190,35 @@ def _aside(turning: FloatArray) -> bool:
 def _upright(turning: FloatArray) -> float:
     """By how much the projector's picture stands upright, its axes exchanged where they are."""
     return float(np.trace(turning[::-1] if _aside(turning) else turning))
+
+
+def _telling(sample: Sample, spec: FrameSequence, grey: Sequence[Image]) -> Sample:
+    """The pixels whose noise leaves a coarse sine able to foretell the next finer, all where they are most.
+
+    Raises `CaptureError` where hardly any is: noise, not order, is then why sines disagree.
+    """
+    noise = measure_noise(grey, [spec.sines(axis) for axis in spec.axes if spec.sines(axis)])
+    largest = np.zeros(sample.here.shape[1])
+    modulations: list[float] = []
+    for axis in spec.axes:
+        for fine, coarse in pairwise(spec.sines(axis)):
+            variance = np.zeros(sample.here.shape[1])
+            for sine, turns in ((fine, 1.0), (coarse, coarse.period_px / fine.period_px)):
+                mean, _, size = _fit(sample.here, sine)
+                seen = len(sine.pictures) * (2 * np.pi * size) ** 2
+                variance += np.asarray(2 * turns**2 * noise.at(mean) / np.maximum(seen, 1e-12), np.float64)
+                modulations.append(float(np.median(size)))
+            np.maximum(largest, variance, out=largest)
+    told = np.flatnonzero(largest < (NEAR / SURE) ** 2)
+    if len(told) < LEAST_TELLING * len(largest):
+        usual = noise.floor + noise.gain * float(np.median(sample.here))
+        raise CaptureError(
+            CAPTURE,
+            f"too noisy for these sines: {np.sqrt(usual):.1f} grey levels (sigma) beside a modulation of "
+            f"{min(modulations):.1f}; a coarse sine cannot tell the turns of the next finer one: expose longer, or "
+            "brighten the projector",
+        )
+    return Sample(sample.here[:, told], sample.right[:, told], sample.below[:, told])
 
 
 def agreement(here: FloatArray, spec: FrameSequence) -> float:
