@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from retrue.correspondences import Correspondences
+from retrue.reconstruction.noise import _levels
 from retrue.reconstruction.options import ReconstructOptions
 from retrue.reconstruction.reconstruct import reconstruct
 from retrue.reconstruction.rim import find_rim
@@ -76,3 +77,11 @@ def test_of_sparse_cells_their_decoder_is_asked(sure):
     rim = find_rim(X[few], px[few], stated, np.ones(len(few)), grid)
     assert rim.cut.tolist() == [not sure] + [False] * (len(few) - 1)
     assert (rim.level == 1).all()
+
+
+def test_a_doubt_that_the_rays_do_not_show_stays():
+    rng = np.random.default_rng(8)
+    stated = np.where(np.arange(4000) < 3000, 0.01, 0.05) * rng.uniform(0.95, 1.05, 4000)
+    z = np.where(stated < 0.03, 0.8, 0.2) * rng.normal(size=4000)
+    level = _levels(stated, z, 0.0)
+    assert np.abs(level - 0.8).max() < 0.1

@@ -13,7 +13,8 @@ from retrue.kernels import curvature as bend_kernel
 from retrue.kernels import lattice as kernel
 
 OUTLIER_SIGMAS = 5.0
-LEAST_SIGMA = 0.02  # px
+LEAST_SIGMA = 0.02  # px, of what tells odd blocks
+LEAST_NOISE = 0.004  # px, of a drawing that has none
 PRIOR = 4.0  # lines that the noise of the whole picture counts as
 DIRECTIONS = 4  # of lines: along rows, columns, and both diagonals
 
@@ -178,7 +179,7 @@ def noise_of(position: FloatArray, joints: Joints) -> FloatArray:
     """
     lines = bend_changes(position, joints)
     known = np.isfinite(lines)
-    usual = max(_usual(lines), LEAST_SIGMA**2)
+    usual = max(_usual(lines), LEAST_NOISE**2)
     own = np.where(known, lines, 0.0).sum(axis=0)
-    sigma = np.sqrt(np.maximum((PRIOR * usual + own) / (PRIOR + known.sum(axis=0)), LEAST_SIGMA**2))
+    sigma = np.sqrt(np.maximum((PRIOR * usual + own) / (PRIOR + known.sum(axis=0)), LEAST_NOISE**2))
     return np.where(np.isfinite(position[..., 0]), sigma, np.nan)

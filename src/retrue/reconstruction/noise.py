@@ -42,6 +42,7 @@ STEPS_PER_SIDE = 80  # of the longest third differences, on the longer side of t
 RISE = 1.1  # times the noise over a shorter step: neighbours err alike over that
 THIRD = np.array([1.0, -3.0, 3.0, -1.0])
 FEWEST_CHAINS = 100
+DOUBTED = 2.0  # times the usual sigma
 MOST_CHAINS = 200_000
 PER_BLOCK, MOST_BLOCKS = 200, 32
 """Chains that tell the noise in one part of the picture, and how many parts there are on its longer side at most."""
@@ -107,7 +108,11 @@ def _sigmas_of_residuals(
 
 def _levels(stated: FloatArray, z: FloatArray, belief: float) -> FloatArray:
     """(N,) true over stated sigma, as a function of the stated one: that of equal parts of the points, in between
-    interpolated; z (N,) are residuals in stated sigmas."""
+    interpolated; z (N,) are residuals in stated sigmas.
+
+    What a decoder doubts beyond its usual noise are edges and shadows. They lie across the epipolar lines and move
+    points along them, where no residual shows it: so such a doubt is never made less of than the usual noise is.
+    """
     told = np.flatnonzero(np.isfinite(z))
     if not len(told):
         return np.ones(len(z))
@@ -115,6 +120,8 @@ def _levels(stated: FloatArray, z: FloatArray, belief: float) -> FloatArray:
     parts = np.array_split(order, int(np.clip(len(order) // PER_LEVEL, 1, MOST_LEVELS)))
     sizes = np.log([float(np.median(stated[part])) for part in parts])
     logs = np.log([robust_size(z[part], belief) for part in parts])
+    usual = len(parts) // 2
+    logs[usual:] = np.maximum(logs[usual:], logs[usual])
     apart = np.append(True, np.diff(sizes) > 1e-9)
     return np.exp(np.interp(np.log(stated), sizes[apart], logs[apart]))
 
@@ -131,12 +138,12 @@ def robust_size(z: FloatArray, belief: float = 0.0) -> float:
 
 
 def _rim_levels(z: FloatArray, cells: IntArray) -> FloatArray:
-    """(N,) how much more the points so many cells from the rim err than the others."""
+    """(N,) how much more the points so many cells from the rim err than the others; never less."""
     level = np.ones(len(z))
     for distance in range(RIM + 1):
         there = (cells == distance) & np.isfinite(z)
         if there.any():
-            level[cells == distance] = robust_size(z[there], BELIEF)
+            level[cells == distance] = max(robust_size(z[there], BELIEF), 1.0)
     return level
 
 
@@ -145,13 +152,17 @@ def _scatter_in_depth(X: FloatArray, along: FloatArray, grid: SurfaceGrid) -> Fl
 
     `along` (N,) is the sigma of 1 / Z that is expected. Third differences over the grid free depth of what is smooth,
     over steps as short as noise allows (`_differences`): of a ball, of which a step covers a tenth of the radius, they
-    leave a few thousandths of a step. A decoder's sigma says little of the waves where its pattern and the camera's
-    pixels beat, strong in one place, none in the next: so the picture is cut into blocks, the size of the differences
-    (Huber's, as `robust_size`) is taken of all and of each, and interpolated between the blocks' middles.
+    leave a few thousandths of a step. A point that is doubted is mostly right, and would make the others look sure: it
+    does not count. A decoder's sigma says little of the waves where its pattern and the camera's pixels beat, strong in
+    one place, none in the next: so the picture is cut into blocks, the size of the differences (Huber's, as
+    `robust_size`) is taken of all and of each, and interpolated between the blocks' middles.
     """
     from scipy import ndimage
 
     chains, off = _differences(X, along, grid)
+    sure = (along[chains] <= DOUBTED * np.median(along)).all(axis=1)
+    if sure.sum() >= FEWEST_CHAINS:
+        chains, off = chains[sure], off[sure]
     if len(chains) < FEWEST_CHAINS:
         return None
     side = max(1, round(np.sqrt(grid.index.size * PER_BLOCK / len(chains))), -(-max(grid.index.shape) // MOST_BLOCKS))

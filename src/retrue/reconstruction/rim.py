@@ -26,7 +26,7 @@ STEPS = 4 * MIXED  # of the walk that gathers the points inside
 OUTLIER = 3.5  # sigmas from what the plane says
 FINEST = 0.02  # of the spacing of points: what is off by less is on the surface
 FEWEST = 100  # points that tell how far a ring of them is off
-UNSURE = 3.0  # times the usual sigma, as stated: a cell at the rim that is cut
+UNSURE = 6.0  # times the usual sigma, as stated: a cell at the rim that is cut
 
 
 @dataclass(frozen=True, slots=True, eq=False)

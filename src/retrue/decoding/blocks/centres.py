@@ -51,7 +51,7 @@ class Centres:
     Attributes
     ----------
     camera_px : (rows, columns, 2) the image of the centre.
-    doubt_px : (rows, columns) what it may be off beyond noise, one standard deviation; 0 of most.
+    doubt_px : (rows, columns) what it may be off beyond noise, one standard deviation; 0 of many.
     unlike : (rows, columns) bool, blocks that two ways to measure place further apart than they do others.
     """
 
@@ -116,10 +116,11 @@ def refine_centres(image: Image, coarse: FloatArray, joints: Joints, duty: float
     between = lengths(apart)
     told = np.isfinite(between)
     unlike = ~(between < UNLIKE * (median(between[told]) if told.any() else 0.0))
+    disagree = _disagreement(apart)
     odd, sigma = odd_blocks(fitted, joints)
     again = known & (odd | ~np.isfinite(fitted[..., 0]))
     if not again.any():
-        return Centres(fitted, np.where(np.isfinite(fitted[..., 0]), 0.0, np.nan), unlike)
+        return Centres(fitted, np.where(np.isfinite(fitted[..., 0]), disagree, np.nan), unlike)
     by_sides = measured(again, np.where(again[..., None], coarse, fitted), sides, bend)
     odd, _ = odd_blocks(by_sides, joints)
     expected, spread = between_neighbours(by_sides, odd, joints)
@@ -129,7 +130,7 @@ def refine_centres(image: Image, coarse: FloatArray, joints: Joints, duty: float
     position = np.where((unsure & straight)[..., None], expected, by_sides)
     limit = np.where(joints.inside(), DISAGREEMENT, RIM_DISAGREEMENT) * pitch
     position[unsure & ~straight & ~(between < limit)] = np.nan
-    doubt = np.where(unsure, np.where(straight, spread, between), 0.0)
+    doubt = np.where(unsure, np.where(straight, spread, between), disagree)
     doubt[~np.isfinite(position[..., 0])] = np.nan
     return Centres(position, doubt, unlike)
 
@@ -139,6 +140,19 @@ def _better_of(whole: FloatArray, sides: FloatArray, joints: Joints) -> FloatArr
     of_whole, of_sides = (usual_variance(position, joints) for position in (whole, sides))
     share = of_whole / (of_whole + of_sides) if of_sides > 0 else 1.0  # of a drawing, which has no noise
     return np.where(np.isfinite(sides), share * sides + (1 - share) * whole, whole)
+
+
+def _disagreement(apart: FloatArray) -> FloatArray:
+    """(rows, columns) px that the mean of two ways to measure may be off beyond noise, one sigma, by how far they are
+    `apart`.
+
+    An edge, or the light of another surface, moves each of them as far as it likes: their mean is off by half of what
+    they differ more than usual.
+    """
+    squares = (apart**2).mean(axis=-1)
+    known = np.isfinite(squares)
+    usual = median(squares[known]) / np.log(2) if known.any() else 0.0
+    return np.where(known, np.sqrt(np.maximum(squares - usual, 0.0)) / 2, 0.0)
 
 
 def _moved_by_shading(fitted: FloatArray, shaded: FloatArray, joints: Joints) -> FloatArray:
