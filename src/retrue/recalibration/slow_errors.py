@@ -78,9 +78,9 @@ def _variances(unseen: FloatArray, left: FloatArray) -> FloatArray:
     before = np.append(NONE, np.full(len(AMPLITUDES), (1 - NONE) / len(AMPLITUDES)))
     variances = np.square(amplitudes)[:, None, None] * spectra
     root = np.sqrt(variances)
-    spread = np.eye(len(squares)) + root[..., :, None] * unseen * root[..., None, :]
+    spread: FloatArray = np.eye(len(squares)) + root[..., :, None] * unseen * root[..., None, :]
     asked = root * left
-    gained = (asked * np.linalg.solve(spread, asked[..., None])[..., 0]).sum(axis=-1)
-    log_evidence = (gained - np.linalg.slogdet(spread)[1]) / 2
+    gained: FloatArray = (asked * np.linalg.solve(spread, asked[..., None])[..., 0]).sum(axis=-1)
+    log_evidence: FloatArray = (gained - np.linalg.slogdet(spread)[1]) / 2
     weights = before[:, None] * np.exp(log_evidence - log_evidence.max())
     return np.tensordot(weights, variances, 2) / weights.sum()
