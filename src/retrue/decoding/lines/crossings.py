@@ -9,11 +9,12 @@ import numpy as np
 
 from retrue.decoding.lines.families import Family
 from retrue.geometry.arrays import BoolArray, FloatArray, IntArray
+from retrue.kernels import crossings as kernel
 
 FAINT = 0.1  # of the strongest line about it: what is fainter is no line
 ABOUT = 25  # px
 ASIDE = 0.3  # of its distance that a neighbour may lie beside the line
-FARTHEST = 32.0  # px to a neighbour
+LEAST, FARTHEST = 1.5, 32.0  # px to a neighbour
 NONE = -1
 
 
@@ -68,40 +69,26 @@ def find_crossings(upright: Family, level: Family) -> Crossings:
 
 
 def link(at: FloatArray, axes: FloatArray) -> Crossings:
-    """Crossings at (N, 2), each with the nearest ones along its axes (N, 2, 2); only mutual links stay."""
-    one, other = _pairs(at)
-    neighbour = np.stack([_next(at, one, other, sign * axes[:, axis]) for sign in (1, -1) for axis in (0, 1)], axis=-1)
+    """Crossings at (N, 2), each with the nearest ones along its axes (N, 2, 2); only mutual links stay.
+
+    Those that may be neighbours lie in a square about it; of equally near ones it is the upper one.
+    """
+    places = np.ascontiguousarray(at, dtype=np.float64)
+    x, y = places.T
+    wide = FARTHEST * float(np.hypot(1, ASIDE))
+    strip = ((x - x.min(initial=0.0)) / (wide * (1 + 1e-9))).astype(np.int64)  # places within reach are in the next one
+    order, rank = np.lexsort((y, strip)), np.empty(len(at), dtype=np.int64)
+    rank[np.argsort(y, kind="stable")] = np.arange(len(at))
+    start: IntArray = np.searchsorted(strip[order], np.arange(int(strip.max(initial=-1)) + 2))
+    neighbour = np.empty((len(at), 4), dtype=np.int64)
+    directions = np.ascontiguousarray(axes, dtype=np.float64)
+    kernel.along_axes(places, directions, strip, start, order, rank, FARTHEST, ASIDE, LEAST, neighbour)
     return Crossings(at, axes, _mutual(neighbour))
-
-
-def _pairs(at: FloatArray) -> tuple[IntArray, IntArray]:
-    """All that may be neighbours, either way round: those in a square about it."""
-    order = np.argsort(at[:, 1], kind="stable")
-    rows = at[order, 1]
-    first = np.searchsorted(rows, at[:, 1] - FARTHEST)
-    count = np.searchsorted(rows, at[:, 1] + FARTHEST) - first
-    one = np.repeat(np.arange(len(at)), count)
-    other = order[np.arange(len(one)) + np.repeat(first + count - np.cumsum(count), count)]
-    near = np.abs(at[other, 0] - at[one, 0]) < FARTHEST * np.hypot(1, ASIDE)
-    return one[near], other[near]
 
 
 def _strong(family: Family) -> BoolArray:
     side = 2 * ABOUT + 1
     return family.ridge & (family.height > FAINT * cv2.dilate(family.height, np.ones((side, side), np.uint8)))
-
-
-def _next(at: FloatArray, one: IntArray, other: IntArray, direction: FloatArray) -> IntArray:
-    """Of each crossing the nearest of its pairs in the direction (N, 2), or -1; of equally near ones the upper one."""
-    off, way = at[other] - at[one], direction[one]
-    ahead = (off * way).sum(axis=1)
-    aside = np.abs(off[:, 0] * way[:, 1] - off[:, 1] * way[:, 0])
-    there = (ahead > 1.5) & (ahead < FARTHEST) & (aside < np.maximum(ASIDE * ahead, 1.5))
-    one, other, ahead = (of[there][::-1] for of in (one, other, ahead))
-    farthest_first = np.argsort(-ahead, kind="stable")
-    result = np.full(len(at), NONE)
-    result[one[farthest_first]] = other[farthest_first]  # what is written last stays
-    return result
 
 
 def _mutual(neighbour: IntArray) -> IntArray:
