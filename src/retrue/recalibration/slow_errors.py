@@ -76,11 +76,12 @@ def _variances(unseen: FloatArray, left: FloatArray) -> FloatArray:
     spectra /= spectra.sum(axis=1, keepdims=True)
     amplitudes = np.append(0.0, AMPLITUDES)
     before = np.append(NONE, np.full(len(AMPLITUDES), (1 - NONE) / len(AMPLITUDES)))
-    variances = np.square(amplitudes)[:, None, None] * spectra
-    root = np.sqrt(variances)
+    variances: FloatArray = np.square(amplitudes)[:, None, None] * spectra
+    root: FloatArray = np.sqrt(variances)
     spread: FloatArray = np.eye(len(squares)) + root[..., :, None] * unseen * root[..., None, :]
-    asked = root * left
-    gained: FloatArray = (asked * np.linalg.solve(spread, asked[..., None])[..., 0]).sum(axis=-1)
-    log_evidence: FloatArray = (gained - np.linalg.slogdet(spread)[1]) / 2
+    asked: FloatArray = root * left
+    solved = np.linalg.solve(spread, asked[..., None])
+    volume: FloatArray = np.asarray(np.linalg.slogdet(spread)[1], dtype=np.float64)
+    log_evidence: FloatArray = ((asked * solved[..., 0]).sum(axis=-1) - volume) / 2
     weights = before[:, None] * np.exp(log_evidence - log_evidence.max())
     return np.tensordot(weights, variances, 2) / weights.sum()
