@@ -204,7 +204,7 @@ def test_a_bump_within_a_streak_of_creep_is_told_as_one_and_found_as_soon(folder
     watch.run(SimulatedSource(56, jumps={49: (0.0, 1.5, 0.0)}, drift=(30, 64, (0.3, 0.0, 0.0))), threading.Event())
     watch.events.close()
     drifted = [number_of(event) for event in events(folder, "frame") if event["verdict"] == "drifted"]
-    assert drifted[0] == 46  # of the creep
+    assert drifted[0] == 48  # of the creep
     assert [event["kind"] for event in events(folder, "recalibrated")] == ["bump"]
     assert events(folder, "recalibrated")[0]["frames"] == ["frame 49", "frame 50", "frame 51"]
 
