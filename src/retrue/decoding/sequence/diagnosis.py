@@ -20,6 +20,7 @@ from retrue.decoding.sequence.hypotheses import (
     fit_share,
     hypotheses,
     judge,
+    repeated_pictures,
     take_sample,
     unlike,
 )
@@ -51,8 +52,6 @@ MIDDLE = (0.2, 0.8)
 """Of a pixel's brightness: a sine passes here, a bit does not."""
 LEAST_TOLD = 0.5
 """Of the lit pixels: so many must be below the end of the scale to tell sines from bits."""
-SAME = 0.04
-"""Of the contrast: two pictures that differ by less almost everywhere show the same."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -144,20 +143,11 @@ def found_instead(spec: FrameSequence, images: Sequence[Image], names: Sequence[
     alike = sines is None or ("phase" if sines else "gray") in codes
     if not alike or fitting_layouts(images, spec.projector_size):
         return looks_like(images, spec.projector_size)
-    repeated = repeated_pictures(images) if len(images) > spec.picture_count else []
+    sample = take_sample(grey_pictures(images), np.random.default_rng(0)) if len(images) > spec.picture_count else None
+    repeated = [] if sample is None else repeated_pictures(sample)
     if repeated:
         return f"{count}: {names[repeated[0]]} shows the same as {names[repeated[0] - 1]} before it"
     return count
-
-
-def repeated_pictures(images: Sequence[Image]) -> list[int]:
-    """Which pictures show the same as the one before, but for noise."""
-    sample = take_sample(grey_pictures(images), np.random.default_rng(0))
-    if sample is None:
-        return []
-    contrast = np.maximum(np.ptp(sample.here, axis=0), 1e-6)
-    off = np.percentile(np.abs(np.diff(sample.here, axis=0)) / contrast, 80, axis=1)
-    return (np.flatnonzero(off < SAME) + 1).tolist()
 
 
 def fitting_layouts(images: Sequence[Image], projector_size: tuple[int, int]) -> list[str]:

@@ -28,6 +28,8 @@ LATEST = 3
 FEWEST_CHANGES = 40
 SHARES = [0.05 * k for k in range(10)]
 GAIN_ROUNDS = 40
+SAME = 0.04
+"""Of the contrast: two pictures that differ by less almost everywhere show the same."""
 IGNORE = Frame("ignore")
 
 
@@ -169,6 +171,13 @@ def _seen(grey: Sequence[Image], pixels: IntArray) -> FloatArray:
     for row, image in zip(seen, grey, strict=True):
         row[:] = np.take(image, pixels)
     return seen
+
+
+def repeated_pictures(sample: Sample) -> list[int]:
+    """Which pictures show the same as the one before, but for noise."""
+    contrast = np.maximum(np.ptp(sample.here, axis=0), 1e-6)
+    off = np.percentile(np.abs(np.diff(sample.here, axis=0)) / contrast, 80, axis=1)
+    return (np.flatnonzero(off < SAME) + 1).tolist()
 
 
 def fit_gains(sample: Sample, frames: Sequence[Frame]) -> FloatArray:

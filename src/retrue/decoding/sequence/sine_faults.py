@@ -16,7 +16,7 @@ import numpy as np
 
 from retrue.decoding.gray.faults import CAPTURE
 from retrue.decoding.light import FULL
-from retrue.decoding.sequence.hypotheses import LATEST, Sample, take_sample
+from retrue.decoding.sequence.hypotheses import LATEST, Sample, repeated_pictures, take_sample
 from retrue.decoding.sequence.noise import measure_noise
 from retrue.decoding.sequence.sine_gains import fit_sine_gains, sine_misfit
 from retrue.errors import CaptureError, InputError
@@ -33,8 +33,6 @@ SURE = 2.0
 """Sigmas: where noise moves what a coarse sine foretells by `NEAR` at so many, it still tells."""
 LEAST_TELLING = 0.02
 """Of the lit pixels: fewer that noise leaves able to tell cannot tell what is wrong."""
-SAME = 0.04
-"""Of the contrast: two pictures that differ by less almost everywhere show the same."""
 DARK = 0.2
 """Of the usual brightness: pictures before the first."""
 GAMMAS = (0.45, 0.6, 0.75, 1.4, 1.8, 2.2, 2.6)
@@ -324,12 +322,10 @@ def _backwards(frames: Sequence[Frame], which: Callable[[Frame], bool]) -> list[
 
 def _repeated(sample: Sample, spec: FrameSequence) -> tuple[int, int] | None:
     """The first two neighbours that show the same, though their frames differ."""
-    contrast = np.maximum(np.ptp(sample.here, axis=0), 1e-6)
-    for index, (a, b) in enumerate(pairwise(spec.frames)):
+    for index in repeated_pictures(sample):
+        a, b = spec.frames[index - 1], spec.frames[index]
         if a.code == b.code == "phase" and a != b:
-            off = np.abs(sample.here[index + 1] - sample.here[index]) / contrast
-            if np.percentile(off, 80) < SAME:
-                return index, index + 1
+            return index - 1, index
     return None
 
 
