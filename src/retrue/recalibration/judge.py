@@ -33,7 +33,8 @@ from retrue.recalibration.chance import deviations_limit
 from retrue.recalibration.fit import Support, carried, own_pose, squared_sigmas
 from retrue.recalibration.hypotheses import hypothesis, without_parts
 from retrue.recalibration.lens import LENS_NAMES, LENS_PARAMETERS, stated_prior, wide_prior
-from retrue.recalibration.lens_evidence import LensEvidence, hidden_by_planes, lens_evidence, untold_misfit
+from retrue.recalibration.lens_evidence import LensEvidence, hidden_by_planes, lens_evidence
+from retrue.recalibration.measured import MISFIT_PX
 from retrue.recalibration.near_rivals import allowed_error, near_rivals, spread
 from retrue.recalibration.options import RecalibrateOptions
 from retrue.recalibration.parts import (
@@ -105,7 +106,8 @@ class Judgement:
     compared : the same on the points that hypotheses were compared on.
     rivals : the others.
     near : those of them that are not beaten, and so near that they only make the answer less sure.
-    covariance : (5, 5) of the answer's pose, these counted, and slow errors that it took up.
+    slow : (5, 5) what slow errors that it took up add to the covariance of the answer's pose.
+    covariance : (5, 5) of that pose, these and those near counted.
     lens : what the points say of the lenses.
     outside : (N,) points that the answer does not explain.
     other_part : those of them that share another pose.
@@ -120,6 +122,7 @@ class Judgement:
     compared: Posterior
     rivals: tuple[Rival, ...]
     near: tuple[Rival, ...]
+    slow: FloatArray
     covariance: FloatArray
     lens: LensEvidence
     outside: BoolArray
@@ -215,7 +218,7 @@ def judge(rig: Rig, captures: Sequence[Correspondences], options: RecalibrateOpt
         prior = replace(prior, kept=lens.kept, together=follows)
     nobody = np.empty((len(rays), 0), dtype=np.int64)
     whole = _measured(rig, captures, rays, homographies, nobody, options.flatness_sigma, photographs)
-    misfit = untold_misfit(whole) if photographs else 0.0
+    misfit = MISFIT_PX if photographs else 0.0  # of a projector's points, a slow error holds it
     whole = replace(whole, aside=turned if turned.any() else None, misfit=misfit)
     answer = posterior_at(whole, start, prior)
     others = parts_apart(answer, part, whole.homography_residuals)
@@ -243,9 +246,10 @@ def judge(rig: Rig, captures: Sequence[Correspondences], options: RecalibrateOpt
     differing = differing_capture(whole, rays, answer)
     loudest = loudest_px(captures, options.max_noise_px) if photographs else options.max_noise_px
     near = tuple(near_rivals(answer, rivals, rig, options))
-    covariance = answer.covariance + taken_up(answer) + spread(answer, near)
+    slow = taken_up(answer)
+    covariance = answer.covariance + slow + spread(answer, near)
     return Judgement(
-        rays, whole, answer, best, rivals, near, covariance, lens, outside, part, differing, exchanged, loudest
+        rays, whole, answer, best, rivals, near, slow, covariance, lens, outside, part, differing, exchanged, loudest
     )
 
 
@@ -306,12 +310,12 @@ def drift(rig: Rig, judgement: Judgement, options: RecalibrateOptions) -> float:
     The nearest explanation counts, of those that the captures do not tell apart.
     """
     own = own_covariance(rig, options)
-    possible = [judgement.answer]
-    possible += [rival.posterior for rival in judgement.rivals if not rival.margin >= options.min_margin]
+    unbeaten = [rival.posterior for rival in judgement.rivals if not rival.margin >= options.min_margin]
+    possible = [(judgement.answer, judgement.slow), *((fit, taken_up(fit)) for fit in unbeaten)]
     old, found = own_pose(rig), list[float]()
-    for fit in possible:
+    for fit, slow in possible:
         there = carried(old, fit.pose)
-        found.append(squared_sigmas(old, fit.pose, fit.covariance + taken_up(fit) + there @ own @ there.T))
+        found.append(squared_sigmas(old, fit.pose, fit.covariance + slow + there @ own @ there.T))
     return float(np.sqrt(min(found)))
 
 

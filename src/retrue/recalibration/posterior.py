@@ -200,7 +200,7 @@ class Posterior:
 
         A and B are the information of all else and its part with the lenses.
         """
-        return -self._own_inverse @ self.information[np.ix_(*self._parts)]
+        return -self.own_inverse @ self.information[np.ix_(*self.own_and_lens)]
 
     @property
     def _kept(self) -> FloatArray:
@@ -210,7 +210,7 @@ class Posterior:
     def joint_covariance(self) -> FloatArray:
         """(13, 13) of the pose and both lenses: lenses that are not free move the pose with them, see `covariance`."""
         if self.prior.free:
-            pose_and_lenses = np.concatenate([np.arange(POSE_PARAMETERS), self._parts[1]])
+            pose_and_lenses = np.concatenate([np.arange(POSE_PARAMETERS), self.own_and_lens[1]])
             joint = inverse_information(self.information)[np.ix_(pose_and_lenses, pose_and_lenses)]
             joint[:POSE_PARAMETERS, :POSE_PARAMETERS] = self.covariance
             return joint
@@ -220,11 +220,12 @@ class Posterior:
     @cached_property
     def statistical_covariance(self) -> FloatArray:
         """(5, 5) of the pose, the lenses being exactly as they are."""
-        return self._own_inverse[:, :POSE_PARAMETERS] * COVARIANCE_FACTOR
+        return self.own_inverse[:, :POSE_PARAMETERS] * COVARIANCE_FACTOR
 
     @cached_property
-    def _own_inverse(self) -> FloatArray:
-        own, _ = self._parts
+    def own_inverse(self) -> FloatArray:
+        """(5, S) rows of the pose in the inverse information of all but the lenses, those being exactly as they are."""
+        own, _ = self.own_and_lens
         return inverse_information(self.information[np.ix_(own, own)])[:POSE_PARAMETERS]
 
     @cached_property
@@ -274,12 +275,12 @@ class Posterior:
     @property
     def lens_covariance(self) -> FloatArray:
         """(8, 8) of free lenses, all else being free too."""
-        return inverse_information(self.information)[np.ix_(self._parts[1], self._parts[1])]
+        return inverse_information(self.information)[np.ix_(self.own_and_lens[1], self.own_and_lens[1])]
 
     @property
     def lens_information(self) -> FloatArray:
         """(8, 8) what the points alone say of both lenses, all else being free."""
-        own, lens = self._parts
+        own, lens = self.own_and_lens
         cross = self.information[np.ix_(own, lens)]
         told = self.information[np.ix_(lens, lens)] - cross.T @ solve_normal_equations(
             self.information[np.ix_(own, own)], cross
@@ -289,7 +290,7 @@ class Posterior:
     @property
     def lens_pull(self) -> FloatArray:
         """(8,) where the points alone draw the rig's lenses, in the metric of `lens_information`, all else settled."""
-        own, lens = self._parts
+        own, lens = self.own_and_lens
         cross = self.information[np.ix_(own, lens)]
         settled = solve_normal_equations(self.information[np.ix_(own, own)], self.gradient[own])
         pull = cross.T @ settled - self.gradient[lens]
@@ -298,7 +299,7 @@ class Posterior:
     @property
     def bow_information(self) -> FloatArray:
         """(3 P, 3 P) of the bows, priors included, pose and planes being free, the lenses as they are."""
-        own, _ = self._parts
+        own, _ = self.own_and_lens
         information = self.information[np.ix_(own, own)] if self.prior.free else self._equations_of_a_step[0]
         first = POSE_PARAMETERS + 3 * len(self.pose.planes)
         cross = information[:first, first:]
@@ -306,7 +307,7 @@ class Posterior:
         return (told + told.T) / 2
 
     @cached_property
-    def _parts(self) -> tuple[IntArray, IntArray]:
+    def own_and_lens(self) -> tuple[IntArray, IntArray]:
         """Numbers of all parameters but the lenses, the pose first; and of the lenses."""
         start = POSE_PARAMETERS + 3 * len(self.pose.planes)
         everything = np.arange(start + LENSES + BOWS * len(self.pose.planes))

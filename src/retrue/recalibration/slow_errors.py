@@ -6,7 +6,6 @@ import numpy as np
 
 from retrue.geometry.arrays import FloatArray
 from retrue.geometry.two_view import PARAMETERS, POSE_PARAMETERS, corrected_rays, normal_blocks
-from retrue.recalibration.fit import inverse_information
 from retrue.recalibration.posterior import LENSES, Posterior
 
 WAVES = 3  # along each side: half waves 0, 1 and 2
@@ -30,12 +29,9 @@ def taken_up(answer: Posterior) -> FloatArray:
     fields = _fields(answer)
     cross, squares, left = _equations(answer, fields)
     follows = np.linalg.solve(answer.information, cross)
-    unseen = squares - cross.T @ follows
-    variances = _variances(unseen, left - follows.T @ answer.gradient)
-    if not answer.prior.free:  # then the lenses take up nothing
-        own = np.delete(np.arange(len(cross)), _lenses(answer))
-        follows = inverse_information(answer.information[np.ix_(own, own)]) @ cross[own]
-    pose = follows[:POSE_PARAMETERS]
+    variances = _variances(squares - cross.T @ follows, left - follows.T @ answer.gradient)
+    own = answer.own_and_lens[0]  # lenses that are not free take up nothing
+    pose = follows[:POSE_PARAMETERS] if answer.prior.free else answer.own_inverse @ cross[own]
     return (pose * variances) @ pose.T
 
 
@@ -59,14 +55,10 @@ def _equations(answer: Posterior, fields: FloatArray) -> tuple[FloatArray, Float
     last = PARAMETERS + count
     found, lenses = slice(PARAMETERS, last), slice(last + 1, last + 1 + LENSES)
     cross = np.zeros((len(answer.gradient), count))
-    cross[:POSE_PARAMETERS], cross[_lenses(answer)] = blocks[found, :POSE_PARAMETERS].T, blocks[lenses, found]
+    cross[:POSE_PARAMETERS] = blocks[found, :POSE_PARAMETERS].T
+    cross[answer.own_and_lens[1]] = blocks[lenses, found]
     lower = np.tril(blocks[found, found])
     return cross, lower + np.tril(lower, -1).T, blocks[last, found]
-
-
-def _lenses(answer: Posterior) -> slice:
-    start = POSE_PARAMETERS + 3 * len(answer.pose.planes)
-    return slice(start, start + LENSES)
 
 
 def _variances(unseen: FloatArray, left: FloatArray) -> FloatArray:
