@@ -131,3 +131,39 @@ def test_what_few_blocks_do_not_tell_of_a_lens_is_believed() -> None:
         shares.append(untold_misfit(measured) / MISFIT_PX)
     assert shares[0] == pytest.approx(np.sqrt(10 / (10 + 36 - 13)))
     assert shares[1] == 1.0
+
+
+def pillar(device: str, focal: float, seed: int) -> Correspondences:
+    """A round pillar that stands askew, through lenses of which one has another focal length."""
+    rng = np.random.default_rng(seed)
+    angle, height = rng.uniform(-1.2, 1.2, 1500), rng.uniform(-0.8, 0.8, 1500)
+    along, across = np.array([-0.3, 0.95, 0.0]), np.array([0.95, 0.3, 0.0])
+    points = 0.6 * np.sin(angle)[:, None] * across + height[:, None] * along
+    points += [0, 0, 2] - 0.6 * np.cos(angle)[:, None] * np.array([0, 0, 1])
+    lenses = {"camera": RIG.camera, "projector": RIG.projector}
+    K = lenses[device].K.copy()
+    K[:2, :2] *= focal
+    lenses[device] = replace(lenses[device], K=K)
+    camera_px = lenses["camera"].project(points)
+    projector_px = lenses["projector"].project(points @ POSE.R.T + POSE.t)
+    pixels = zip((camera_px, projector_px), lenses.values(), strict=True)
+    seen = np.all([((px >= 0) & (px < lens.size)).all(axis=1) for px, lens in pixels], axis=0)
+    return Correspondences(camera_px[seen] + rng.normal(0, 0.1, (np.count_nonzero(seen), 2)), projector_px[seen])
+
+
+@pytest.mark.parametrize("seed", [0, 1])
+@pytest.mark.parametrize(("device", "focal"), [("camera", 1.05), ("projector", 0.96), ("projector", 1.05)])
+def test_strips_of_a_pillar_that_pass_for_planes_do_not_hide_another_lens(device: str, focal: float, seed: int) -> None:
+    result = recalibrate(OLD, [pillar(device, focal, seed)])
+    assert isinstance(result, Refused)
+    assert isinstance(result.cause, reasons.LensChanged)
+
+
+@pytest.mark.parametrize("seed", [0, 1])
+def test_strips_of_a_pillar_blame_no_lens_that_holds(seed: int) -> None:
+    result = recalibrate(OLD, [pillar("camera", 1.0, seed)])
+    assert isinstance(result, Accepted), result.reason
+    assert result.evidence.sigma is not None
+    rotation, translation = off_deg(result)
+    assert rotation < max(0.2, 4 * result.evidence.sigma.rotation_deg)
+    assert translation < max(0.2, 4 * result.evidence.sigma.translation_deg)

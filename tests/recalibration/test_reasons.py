@@ -182,3 +182,10 @@ def test_a_lens_that_no_single_number_tells_of_is_not_given_one() -> None:
     assert "which number of the camera's or the projector's is off, they do not tell" in mixed
     assert "--lens refit" in clear
     assert "--lens refit" in mixed
+
+
+def test_how_far_a_rig_moved_is_said_also_where_no_rays_meet() -> None:
+    assert reasons.drift_text(1, 2, 3.0, 40.0, "mm").endswith(", 3 mm for points at 40 mm")
+    assert reasons.drift_text(180, 2, float("inf"), 40.0, "mm").endswith(", so far that no rays meet at 40 mm")
+    assert reasons.drift_text(180, 2, float("inf"), None, "mm").endswith("in the direction of t")
+    assert reasons.drift_text(1, 2, None, 40.0, "mm").endswith("in the direction of t")

@@ -71,9 +71,9 @@ def lens_evidence(
     pull, told, gain = _asked(posterior_at(real, best.parameters, best.prior), tight, wide)
     covariance = _with_prior(told, wide)
     change = covariance @ pull
-    noise, moved = best.fit.epipolar_noise, move_deg(best.pose, old)
+    moved = move_deg(best.pose, old)
     quiet = min(plane_levels(measured), default=np.inf)
-    elsewhere = not (noise.level < min(LOUD * quiet, 1.0) and noise.shared < max(0.5 * noise.level, MISFIT_PX))
+    elsewhere = _shares_an_error(best) or not best.fit.epipolar_noise.level < min(LOUD * quiet, 1.0)
     elsewhere = elsewhere or part is not None or best.measured.aside is not None  # both may be right, through others
     posterior, others = None, ()
     apart = _with_each_alone(measured, best, tight, wide)
@@ -142,12 +142,12 @@ def _with_each_alone(measured: Measured, best: Posterior, tight: LensPrior, wide
 
 
 def hidden_by_planes(best: Posterior, part: Part | None, tight: LensPrior, wide: LensPrior, old: TwoViewPose) -> bool:
-    """Whether lenses changed by what points say across their epipolar lines alone, where the planes are rough.
+    """Whether lenses changed by what points say across their epipolar lines alone, where the planes fit badly.
 
     What passes for planes and is none asks for a pose that no lens gives it; it outvotes what asks for another lens.
     """
     across, along = best.fit.noises
-    if not (len(best.pose.planes) and along.level > ROUGHER * across.level):
+    if not (len(best.pose.planes) and (along.level > ROUGHER * across.level or _shares_an_error(best))):
         return False
     gone = np.ones(len(best.pose.planes), dtype=np.bool_)
     measured = best.measured.without_planes(gone)
@@ -156,6 +156,12 @@ def hidden_by_planes(best: Posterior, part: Part | None, tight: LensPrior, wide:
         return lens_evidence(measured, [], alone, part, tight, wide, old).verdict == "changed"
     except DegenerateError:
         return False
+
+
+def _shares_an_error(fit: Posterior) -> bool:
+    """Whether neighbours leave more in common than their own scatter and real lenses do."""
+    noise = fit.fit.epipolar_noise
+    return not noise.shared < max(0.5 * noise.level, MISFIT_PX)
 
 
 def _asked(seen: Posterior, tight: LensPrior, wide: LensPrior) -> tuple[FloatArray, FloatArray, float]:

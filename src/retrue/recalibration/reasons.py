@@ -268,6 +268,8 @@ def drift_text(
 ) -> str:
     """From the rig's pose to the supported one."""
     moved = f"{rotation_deg:.3f} deg in rotation, {translation_deg:.3f} deg in the direction of t"
-    if displacement is not None and distance is not None:
+    if displacement is not None and isinf(displacement):
+        moved += f", so far that no rays meet at {distance:.4g} {unit}" if distance else ""
+    elif displacement is not None and distance is not None:
         moved += f", {round(displacement, 9):.4g} {unit} for points at {distance:.4g} {unit}"
     return moved
