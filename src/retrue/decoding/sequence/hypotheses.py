@@ -106,30 +106,40 @@ class Judgement:
 def hypotheses(frames: Sequence[Frame]) -> Iterator[Hypothesis]:
     """As expected first, then every order that people end up with, alone and together."""
     orders = product((False, True), (False, True), (False, True), ("", "exchanged", "moved"), range(LATEST + 1))
+    relabelled = cache(partial(_relabelled, frames))
     seen: set[tuple[Frame, ...]] = set()
     for rows_first, low_first, inverse_first, lights, late in sorted(orders, key=_surprise):
-        made, causes = list(frames), list[str]()
-        if rows_first:
-            made, cause = _rows_first(made), "the row pictures come before the column pictures"
-            causes.append(cause)
-        if low_first:
-            made = _low_first(made)
-            causes.append("the least significant bits come first")
-        if inverse_first:
-            made = [replace(f, inverse=not f.inverse) if f.code == "gray" else f for f in made]
-            causes.append("inverses come before patterns")
-        if lights == "exchanged":
-            made = [replace(f, code={"white": "black", "black": "white"}.get(f.code, f.code)) for f in made]
-            causes.append("white and black are exchanged")
-        elif lights == "moved":
-            made = _moved_lights(made)
-            causes.append("white and black are at the other end")
+        made, causes = relabelled(rows_first, low_first, inverse_first, lights)
         if late:
-            made = [IGNORE] * late + made[:-late]
-            causes.append(f"every picture shows what belongs {late} earlier: the camera is late by {late}")
-        if tuple(made) not in seen:
-            seen.add(tuple(made))
-            yield Hypothesis(tuple(made), tuple(causes))
+            made = (IGNORE,) * late + made[:-late]
+            causes = (*causes, f"every picture shows what belongs {late} earlier: the camera is late by {late}")
+        if made not in seen:
+            seen.add(made)
+            yield Hypothesis(made, causes)
+
+
+def _relabelled(
+    frames: Sequence[Frame], rows_first: bool, low_first: bool, inverse_first: bool, lights: str
+) -> tuple[tuple[Frame, ...], tuple[str, ...]]:
+    """The frames as one who mixed them up so has them, and what to tell him."""
+    made, causes = list(frames), list[str]()
+    if rows_first:
+        made = _rows_first(made)
+        causes.append("the row pictures come before the column pictures")
+    if low_first:
+        made = _low_first(made)
+        causes.append("the least significant bits come first")
+    if inverse_first:
+        made = [replace(f, inverse=not f.inverse) if f.code == "gray" else f for f in made]
+        causes.append("inverses come before patterns")
+    if lights == "exchanged":
+        other = {"white": "black", "black": "white"}
+        made = [replace(f, code=other[f.code]) if f.code in other else f for f in made]
+        causes.append("white and black are exchanged")
+    elif lights == "moved":
+        made = _moved_lights(made)
+        causes.append("white and black are at the other end")
+    return tuple(made), tuple(causes)
 
 
 def judge(sample: Sample, frames: Sequence[Frame], projector_size: tuple[int, int]) -> Judgement:
