@@ -8,6 +8,7 @@ COMPILED := setup.py build_backend/retrue_build.py $(wildcard src/retrue/kernels
 PYTEST ?=  # options of pytest
 
 unexport PYTHONPATH  # what is installed is what is tried
+unexport PYTHONDONTWRITEBYTECODE  # or each process compiles all that it imports, which takes as long again
 
 .PHONY: test static dynamic demo studio docs examples browser display shells format lock wheels clean
 

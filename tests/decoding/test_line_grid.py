@@ -144,10 +144,10 @@ def test_other_kinds_of_grid_are_named(usual):
     assert advice.startswith("the picture shows a colour grid, the pattern is a line grid")
 
 
-@pytest.mark.parametrize("blur", [3, 5, 7, 9])
-def test_blurred_blocks_are_no_lines(blur):
-    for size, rows, columns in (((640, 480), 20, 26), ((1024, 768), 40, 51)):
-        blocks = make_color_grid(size, rows, columns, seed=2).render() // 2 + 30
+@pytest.mark.parametrize(("size", "rows", "columns"), [((640, 480), 20, 26), ((1024, 768), 40, 51)])
+def test_blurred_blocks_are_no_lines(size, rows, columns):
+    blocks = make_color_grid(size, rows, columns, seed=2).render() // 2 + 30
+    for blur in (3, 5, 7, 9):
         assert what_it_shows(cv2.GaussianBlur(blocks, (0, 0), blur)) is not LineGrid
 
 

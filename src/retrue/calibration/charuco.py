@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
+from functools import cache
 from typing import Any
 
 import cv2
@@ -76,7 +77,15 @@ def markers_seen(grey: Image, board: Board) -> str:
     known = [f"DICT_{name}" for name in DICTIONARIES if isinstance(getattr(aruco, f"DICT_{name}", None), int)]
     names = [own, *known] if own else known
     pictures = {"": grey, "; the picture is mirrored": np.ascontiguousarray(grey[:, ::-1])}
-    found = {(name, way): find_markers(picture, name).ids for way, picture in pictures.items() for name in names}
+    asked = [(name, way) for way in pictures for name in names]
+
+    @cache
+    def ids_of(name: str, way: str) -> IntArray:
+        return find_markers(pictures[way], name).ids
+
+    # A family's first 50 markers, which any board has, tell it in a twentieth of the time that all 1000 take.
+    likely = [(name, way) for name, way in asked if len(ids_of(name.replace("_1000", "_50"), way)) >= FEWEST_SEEN]
+    found = {key: ids_of(*key) for key in likely or asked}
     name, way = max(found, key=lambda key: len(found[key]) + (key == (own, "")))  # the board's own where others tie
     ids = sorted(set(found[name, way].tolist()))
     if len(ids) < FEWEST_SEEN:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from itertools import combinations
 from math import comb
 
 import numpy as np
@@ -35,85 +34,64 @@ def make_code(rows: int, columns: int, colors: int, seed: int, lonely: int | Non
 
 
 class _Search:
-    """Cell by cell, row by row, the least used colours first; back by a cell where none is left.
-
-    Two windows differ in `distance` cells or more exactly when they share no sub-window that leaves out
-    `distance` - 1 cells. So each window leaves the keys of all its sub-windows, in all its
-    rotations, in one set, and a new window may have none of them.
-    """
+    """Cell by cell, row by row, the least used colours first; back by a cell where none is left."""
 
     def __init__(self, rows: int, columns: int, colors: int, distance: int, lonely: int | None, seed: int) -> None:
         self.rows, self.columns, self.colors, self.distance, self.lonely = rows, columns, colors, distance, lonely
         self.random = np.random.default_rng(seed)
         self.code = np.full((rows, columns), -1, dtype=np.int64)
         self.used = np.zeros(colors)
-        self.keys: set[int] = set()
-        self.weights, self.bases = _sub_window_keys(colors, distance - 1)
+        # Column 4 k + r: the k-th window, turned by r quarters; in the smallest numbers, which compare quickest.
+        self.windows = np.zeros((CELLS, 4 * (rows - 2) * (columns - 2)), np.min_scalar_type(colors))
         turned = [np.arange(CELLS)]
         for _ in range(3):
             turned.append(turned[-1][list(TURNED)])
-        self.turned = np.stack(turned)
+        self.turned = np.stack(turned, axis=1)
 
     def run(self) -> IntArray | None:
         cells = self.rows * self.columns
         choices: list[list[int]] = []
-        placed: list[list[int]] = []  # the keys that each cell left
-        dead_ends = 0
-        while len(placed) < cells:
-            row, column = divmod(len(placed), self.columns)
-            if len(choices) == len(placed):
-                choices.append(self._candidates(row, column))
-            keys = self._place(row, column, choices[-1])
-            if keys is not None:
-                placed.append(keys)
+        placed = dead_ends = 0
+        while placed < cells:
+            if len(choices) == placed:
+                choices.append(self._candidates(*divmod(placed, self.columns)))
+            if self._place(*divmod(placed, self.columns), choices[-1]):
+                placed += 1
                 continue
             dead_ends += 1
             choices.pop()
             if not placed or dead_ends > PATIENCE:
                 return None
-            self._undo(*divmod(len(placed) - 1, self.columns), placed.pop())
+            placed -= 1
+            before = divmod(placed, self.columns)
+            self.used[self.code[before]] -= 1
+            self.code[before] = -1
         return self.code
 
     def _candidates(self, row: int, column: int) -> list[int]:
         """Colours that the neighbours allow, the best one last."""
-        order = np.argsort(-(self.used + self.random.normal(0.0, 2.0, self.colors)))
+        order = np.argsort(-(self.used + self.random.normal(0.0, 2.0, self.colors))).tolist()
         sides = {int(self.code[row - 1, column]) if row else -1, int(self.code[row, column - 1]) if column else -1}
-        allowed = [int(k) for k in order if int(k) not in sides]
+        allowed = [k for k in order if k not in sides]
         touching = self.code[max(row - 1, 0) : row + 1, max(column - 1, 0) : column + 2]
         if self.lonely in allowed and (touching == self.lonely).any():
             allowed.remove(self.lonely)
         return allowed
 
-    def _place(self, row: int, column: int, candidates: list[int]) -> list[int] | None:
-        """Put the best candidate that clashes with nothing, and return the keys of the window that it ends."""
+    def _place(self, row: int, column: int, candidates: list[int]) -> bool:
+        """Put the best candidate whose window, if it ends one, is far enough from all before and from itself turned."""
+        own = 4 * ((row - 2) * (self.columns - 2) + column - 2) if row >= 2 and column >= 2 else None
         while candidates:
-            color = candidates.pop()
-            self.code[row, column] = color
-            keys: list[int] = []
-            if row >= 2 and column >= 2:
-                window = self.code[row - 2 : row + 1, column - 2 : column + 1].ravel()[self.turned]
-                if np.min(np.sum(window[0] != window[1:], axis=1)) < self.distance:
+            self.code[row, column] = color = candidates.pop()
+            if own is not None:
+                window = self.code[row - 2 : row + 1, column - 2 : column + 1].ravel()
+                turned = self.windows[:, own : own + 4]
+                turned[:] = window[self.turned]
+                others = (self.windows[:, : own + 4] != turned[:, :1]).sum(axis=0, dtype=np.uint8)
+                others[own] = CELLS  # itself, unturned
+                if others.min() < self.distance:
                     continue
-                own = (self.weights @ window[0] + self.bases).tolist()
-                if not self.keys.isdisjoint(own):
-                    continue
-                keys = (self.weights @ window.T + self.bases[:, None]).ravel().tolist()
-                self.keys.update(keys)
             self.used[color] += 1
-            return keys
+            return True
         self.code[row, column] = -1
-        return None
-
-    def _undo(self, row: int, column: int, keys: list[int]) -> None:
-        self.keys.difference_update(keys)
-        self.used[self.code[row, column]] -= 1
-        self.code[row, column] = -1
-
-
-def _sub_window_keys(colors: int, left_out: int) -> tuple[IntArray, IntArray]:
-    """Weights (M, 9) and bases (M,): weights @ window + bases is one number for each of the M sub-windows."""
-    choices = list(combinations(range(CELLS), left_out))
-    weights = np.tile(colors ** np.arange(CELLS), (len(choices), 1))
-    for row, choice in zip(weights, choices, strict=True):
-        row[list(choice)] = 0
-    return weights, np.arange(len(choices)) * colors**CELLS
+        return False

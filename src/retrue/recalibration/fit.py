@@ -45,7 +45,7 @@ SAME_POSE = np.radians(0.5)
 NEAR = 1e-3  # radians of a last step, before a start is refined on all points
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@dataclass(frozen=True, eq=False)
 class Support:
     """The points that a pose is fitted to, and whom each shares a slow error with.
 
@@ -63,6 +63,13 @@ class Support:
         """Number the blocks over the points of each capture, and over those of each plane."""
         x, plane = rays.points.camera_rays, rays.points.plane_index
         return cls(rays.points, np.stack([grid_blocks(x, rays.capture, BLOCKS), grid_blocks(x, plane, BLOCKS)]))
+
+    @cached_property
+    def usual_points(self) -> list[FloatArray]:
+        """How many points of usual sigma u share each one's block: the sum of (u / s)^2 over its points, by family."""
+        sigma = np.hypot(self.points.camera_sigma, self.points.projector_sigma)
+        worth = (np.median(sigma) / sigma) ** 2
+        return [np.asarray(np.bincount(block + 1, worth)[block + 1], dtype=np.float64) for block in self.blocks]
 
     def each_alone(self) -> Support:
         """The same with a block for each point: none shares its error."""

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 
@@ -26,7 +27,7 @@ LIKELY = 15.5  # of chi-square with eight degrees of freedom: further off is one
 LEAST_LEFT = 0.05  # of the points, as many as a plane holds at least
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@dataclass(frozen=True, eq=False)
 class Hypothesis:
     """One explanation of the captures.
 
@@ -46,13 +47,14 @@ class Hypothesis:
         """Through moved lenses where these are clearly better, whichever parts have an explanation of their own."""
         if self.moved is None:
             return self.fixed
-        # What no lens explains of a real one is a rival of lenses that move.
-        seen = [
-            posterior_at(replace(fit.measured, misfit=MISFIT_PX), fit.parameters, fit.prior)
-            for fit in (self.fixed, self.moved)
-        ]
-        as_given, through_moved = total_costs(seen, asides)
+        as_given, through_moved = total_costs(self._with_misfit, asides)
         return self.moved if as_given - through_moved > MOVES else self.fixed
+
+    @cached_property
+    def _with_misfit(self) -> list[Posterior]:
+        """Both as they are compared: what no lens explains of a real one is a rival of lenses that move."""
+        forms = [fit for fit in (self.fixed, self.moved) if fit is not None]
+        return [posterior_at(replace(fit.measured, misfit=MISFIT_PX), fit.parameters, fit.prior) for fit in forms]
 
 
 def hypothesis(

@@ -39,15 +39,10 @@ def negative_log_likelihood(fit: PoseFit, blocks: IntArray) -> FloatArray:
 def with_misfit(fit: PoseFit, measured: Measured) -> PoseFit:
     """The same with what lenses leave over, as many pixels of a point that is known well as of one that is not.
 
-    With u the usual sigma, points of sigma s in a block count as many as the sum of (u / s)^2 usual ones that share it:
-    those known best soon tell no more together than the lens lets one of them tell.
+    Those known best soon tell no more together than the lens lets one of them tell, see `Support.usual_points`.
     """
-    points, blocks = measured.support.points, measured.support.blocks
-    sigma = np.hypot(points.camera_sigma, points.projector_sigma)
-    worth = (np.median(sigma) / sigma) ** 2
     noises: list[Noise] = []
-    for noise, block in zip(fit.noises, blocks, strict=True):
-        number = np.bincount(block + 1, worth)[block + 1]
+    for noise, number in zip(fit.noises, measured.support.usual_points, strict=True):
         shared = float(np.hypot(noise.shared, measured.misfit))
         noises.append(replace(noise, shared=shared, variance=noise.variance + measured.misfit**2 * number))
     return replace(fit, epipolar_noise=noises[0], along_noise=noises[1])

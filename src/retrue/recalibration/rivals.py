@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from functools import cache, partial
 from math import log1p
 
 import numpy as np
@@ -91,9 +92,10 @@ def costs(posterior: Posterior, floor: Floor) -> FloatArray:
     return np.where(posterior.impossible, np.maximum(found, UNEXPLAINED), found)
 
 
-def explained_costs(
-    posterior: Posterior, floor: Floor, asides: Sequence[Part]
-) -> tuple[FloatArray, float, float, BoolArray]:
+Explained = tuple[FloatArray, float, float, BoolArray]
+
+
+def explained_costs(posterior: Posterior, floor: Floor, asides: Sequence[Part]) -> Explained:
     """`costs` (N,) where a part of the points may have another explanation; the price of priors and planes; of that;
     and which points (N,) have it.
 
@@ -141,6 +143,8 @@ def _costs_of_part(part: Part, posterior: Posterior, floor: Floor) -> FloatArray
 
 def least(posteriors: list[Posterior]) -> Posterior:
     """The posterior of least cost; of those that its sigma holds, the one that the lenses as they are fit best."""
+    if len(posteriors) == 1:
+        return posteriors[0]
     best = _least(posteriors, [fit.eased for fit in posteriors])
     alike = [fit for fit in posteriors if fit is best or same_answer(best, fit.pose)]
     return best if len(alike) == 1 else _least(alike, alike)
@@ -266,31 +270,31 @@ def _point_evidence(best: Posterior, rival: Posterior, eased: Posterior, asides:
     has another explanation in both tells neither.
     """
     shared, floor = _shared_plane(best, rival), Floor.of([best, rival])
-    lost, price, parts, given = _cheaper((rival, eased), floor, asides, ~shared)
-    held, own_price, own_parts, own = _cheaper((best, best.eased), floor, asides, ~shared)
+    explained = cache(partial(explained_costs, asides=asides))  # hardly any is eased: most are asked for twice or more
+    lost, price, parts, given = _cheapest([explained(fit, floor) for fit in (rival, eased)], ~shared)
+    held, own_price, own_parts, own = _cheapest([explained(fit, floor) for fit in (best, best.eased)], ~shared)
     elsewhere = (lost - held)[~(shared | given & own)]
     told = float(elsewhere.sum()) * beyond_chance(elsewhere) + min(price - own_price, 0.0)
     if not np.count_nonzero(given ^ own) < SAME_POINTS * np.count_nonzero(given | own):
         told += parts - own_parts
     if shared.any():  # lenses may follow what is slow, or be what makes it: of both, what tells less
         pairs = dict.fromkeys([(best, rival), (best.eased, eased)])  # one, where none is eased
-        told += min((_of_shared(*pair, asides, shared) for pair in pairs), key=abs)
+        told += min((_of_shared(*pair, explained, shared) for pair in pairs), key=abs)
     return 0.5 * told
 
 
-def _of_shared(best: Posterior, rival: Posterior, asides: Sequence[Part], shared: BoolArray) -> float:
+def _of_shared(
+    best: Posterior, rival: Posterior, explained: Callable[[Posterior, Floor], Explained], shared: BoolArray
+) -> float:
     floor = Floor.of([best, rival])
-    lost, held = (explained_costs(fit, floor, asides)[0] for fit in (rival, best))
+    lost, held = (explained(fit, floor)[0] for fit in (rival, best))
     mean = float((lost - held)[shared].mean())
     unheld = ROUGH + _slow(rival if mean > 0 else best)
     return np.count_nonzero(shared) * float(np.sign(mean)) * max(abs(mean) - unheld, 0.0)
 
 
-def _cheaper(
-    fits: tuple[Posterior, Posterior], floor: Floor, asides: Sequence[Part], rows: BoolArray
-) -> tuple[FloatArray, float, float, BoolArray]:
-    """The `explained_costs` of whichever of the two, as it is or eased, costs less at those rows (N,)."""
-    found = [explained_costs(fit, floor, asides) for fit in dict.fromkeys(fits)]
+def _cheapest(found: list[Explained], rows: BoolArray) -> Explained:
+    """Of a pose as it is and eased, which costs less at those rows (N,)."""
     return min(found, key=lambda one: float(one[0][rows].sum()) + one[1] + one[2])
 
 

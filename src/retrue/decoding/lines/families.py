@@ -44,12 +44,11 @@ def find_lines(picture: Image, along: FloatArray, across: FloatArray) -> Family:
     Where they cross, a line of the other family takes less than half of the way; so a quantile along this family's
     direction does not see it, and a line that is blurred into its neighbours is sharper than before.
     """
-    here = along.astype(np.float32)
-    samples = np.stack([_shifted(picture, here, t) for t in range(-REACH, REACH + 1)], axis=-1)
-    place = round(QUANTILE * 2 * REACH)
-    samples.partition(place, axis=-1)
-    clean = np.asarray(cv2.GaussianBlur(samples[..., place].astype(np.float32), (0, 0), 0.5), dtype=np.float32)
-    step = across.astype(np.float32)
+    pixels = np.indices(picture.shape[:2], dtype=np.float32)
+    here, step = ((pixels, direction.astype(np.float32)) for direction in (along, across))
+    samples = [_shifted(picture, here, t) for t in range(-REACH, REACH + 1)]
+    seen = _of_rank(samples, round(QUANTILE * 2 * REACH)).astype(np.float32)
+    clean = np.asarray(cv2.GaussianBlur(seen, (0, 0), 0.5), dtype=np.float32)
     sides: list[Floats] = []
     for sign in (-1, 1):
         least = _shifted(clean, step, sign)
@@ -66,10 +65,18 @@ def find_lines(picture: Image, along: FloatArray, across: FloatArray) -> Family:
     return Family(along, clean, np.where(ridge, height, np.float32(0)), ridge)
 
 
-def _shifted(picture: Image, direction: Floats, t: float) -> Image:
-    """`picture` as it is `t` px further in the `direction` (h, w, 2) of each pixel."""
-    height, width = picture.shape[:2]
-    y, x = np.mgrid[:height, :width].astype(np.float32)
+def _of_rank(samples: list[Image], rank: int) -> Image:
+    """In each pixel the sample that so many are no larger than; by exchanging whole pictures, the smallest first."""
+    for first in range(rank + 1):
+        for index in range(len(samples) - 1, first, -1):
+            one, other = samples[index - 1], samples[index]
+            samples[index - 1], samples[index] = np.minimum(one, other), np.maximum(one, other)
+    return samples[rank]
+
+
+def _shifted(picture: Image, lines: tuple[Floats, Floats], t: float) -> Image:
+    """`picture` as it is `t` px further along: `lines` are each pixel's place (y, x) and its direction (h, w, 2)."""
+    (y, x), direction = lines
     there = np.float32(t) * direction
     return np.asarray(
         cv2.remap(picture, x + there[..., 0], y + there[..., 1], cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)

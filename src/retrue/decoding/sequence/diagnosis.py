@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 
@@ -233,11 +233,9 @@ def _order(
     Where none fits well, pictures of unlike brightness, or a share of the picture before, may hide their bits: they are
     judged again without that share, and without their gains, and as they are where neither makes an order fit better.
     """
-    ones = np.ones(len(sample.here))
-    views = [(ones, 0.0), (ones, fit_share(sample, frames)), (fit_gains(sample, frames), 0.0)]
-    judged, fits = list[tuple[Hypothesis, Judgement]](), -1.0
-    for view in views:
-        seen = [(own, judge(sample.corrected(*view), own.frames, projector_size)) for own in hypotheses(frames)]
+    asked, judged, fits = list(hypotheses(frames)), list[tuple[Hypothesis, Judgement]](), -1.0
+    for view in _views(sample, frames):
+        seen = [(own, judge(view, own.frames, projector_size)) for own in asked]
         best_of_view = max((own.score for _, own in seen if own.changes >= FEWEST_CHANGES), default=0.0)
         if best_of_view > fits:
             judged, fits = seen, best_of_view
@@ -251,6 +249,13 @@ def _order(
     if best[1].changes < FEWEST_CHANGES or not best[1].score > LEAST_SCORE:
         return None
     return best
+
+
+def _views(sample: Sample, frames: Sequence[Frame]) -> Iterator[Sample]:
+    ones = np.ones(len(sample.here))
+    yield sample
+    yield sample.corrected(ones, fit_share(sample, frames))
+    yield sample.corrected(fit_gains(sample, frames), 0.0)
 
 
 def _light(sample: Sample, order: Hypothesis) -> tuple[FloatArray, float]:

@@ -7,13 +7,14 @@ the same in each pixel.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
+from functools import cache, cached_property, partial
 from itertools import product
 
 import numpy as np
 
-from retrue.geometry.arrays import FloatArray, Image, IntArray
+from retrue.geometry.arrays import BoolArray, FloatArray, Image, IntArray
 from retrue.patterns.sequence import AXES, Frame
 
 SAMPLE = 4000
@@ -41,17 +42,39 @@ class Hypothesis:
     causes: tuple[str, ...]
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@dataclass(frozen=True, eq=False)
 class Sample:
-    """Grey levels (pictures, pixels) of lit pixels, of those right of them, and of those below."""
+    """Grey levels (pictures, pixels) of lit pixels, of those right of them, and of those below.
+
+    Hypotheses differ in what a picture is taken for, not in what it shows: `bits` and `unlike` remember their answers.
+    """
 
     here: FloatArray
     right: FloatArray
     below: FloatArray
 
+    @cached_property
+    def contrast(self) -> FloatArray:
+        """(pixels,) of the lit pixels, over all pictures."""
+        return np.maximum(np.ptp(self.here, axis=0), 1e-6)
+
+    @cached_property
+    def bits(self) -> list[Callable[[int | None, int | None], tuple[BoolArray, BoolArray]]]:
+        """`_bit` of the lit pixels, of those right of them, and of those below."""
+        return [cache(partial(_bit, part, part.min(axis=0), part.max(axis=0))) for part in self._parts]
+
+    @cached_property
+    def unlike(self) -> Callable[[int, int], float]:
+        """`_unlike_pair` of two of the pictures."""
+        return cache(partial(_unlike_pair, self.here, self.contrast))
+
+    @property
+    def _parts(self) -> tuple[FloatArray, FloatArray, FloatArray]:
+        return self.here, self.right, self.below
+
     def corrected(self, gains: FloatArray, share: float) -> Sample:
         """Without gains and without a share of the picture before."""
-        return Sample(*(corrected(part, gains, share) for part in (self.here, self.right, self.below)))
+        return Sample(*(corrected(part, gains, share) for part in self._parts))
 
 
 @dataclass(frozen=True, slots=True)
@@ -83,43 +106,52 @@ class Judgement:
 def hypotheses(frames: Sequence[Frame]) -> Iterator[Hypothesis]:
     """As expected first, then every order that people end up with, alone and together."""
     orders = product((False, True), (False, True), (False, True), ("", "exchanged", "moved"), range(LATEST + 1))
+    relabelled = cache(partial(_relabelled, frames))
     seen: set[tuple[Frame, ...]] = set()
     for rows_first, low_first, inverse_first, lights, late in sorted(orders, key=_surprise):
-        made, causes = list(frames), list[str]()
-        if rows_first:
-            made, cause = _rows_first(made), "the row pictures come before the column pictures"
-            causes.append(cause)
-        if low_first:
-            made = _low_first(made)
-            causes.append("the least significant bits come first")
-        if inverse_first:
-            made = [replace(f, inverse=not f.inverse) if f.code == "gray" else f for f in made]
-            causes.append("inverses come before patterns")
-        if lights == "exchanged":
-            made = [replace(f, code={"white": "black", "black": "white"}.get(f.code, f.code)) for f in made]
-            causes.append("white and black are exchanged")
-        elif lights == "moved":
-            made = _moved_lights(made)
-            causes.append("white and black are at the other end")
+        made, causes = relabelled(rows_first, low_first, inverse_first, lights)
         if late:
-            made = [IGNORE] * late + made[:-late]
-            causes.append(f"every picture shows what belongs {late} earlier: the camera is late by {late}")
-        if tuple(made) not in seen:
-            seen.add(tuple(made))
-            yield Hypothesis(tuple(made), tuple(causes))
+            made = (IGNORE,) * late + made[:-late]
+            causes = (*causes, f"every picture shows what belongs {late} earlier: the camera is late by {late}")
+        if made not in seen:
+            seen.add(made)
+            yield Hypothesis(made, causes)
+
+
+def _relabelled(
+    frames: Sequence[Frame], rows_first: bool, low_first: bool, inverse_first: bool, lights: str
+) -> tuple[tuple[Frame, ...], tuple[str, ...]]:
+    """The frames as one who mixed them up so has them, and what to tell him."""
+    made, causes = list(frames), list[str]()
+    if rows_first:
+        made = _rows_first(made)
+        causes.append("the row pictures come before the column pictures")
+    if low_first:
+        made = _low_first(made)
+        causes.append("the least significant bits come first")
+    if inverse_first:
+        made = [replace(f, inverse=not f.inverse) if f.code == "gray" else f for f in made]
+        causes.append("inverses come before patterns")
+    if lights == "exchanged":
+        other = {"white": "black", "black": "white"}
+        made = [replace(f, code=other[f.code]) if f.code in other else f for f in made]
+        causes.append("white and black are exchanged")
+    elif lights == "moved":
+        made = _moved_lights(made)
+        causes.append("white and black are at the other end")
+    return tuple(made), tuple(causes)
 
 
 def judge(sample: Sample, frames: Sequence[Frame], projector_size: tuple[int, int]) -> Judgement:
     """Fit a sample of pixels."""
     continuous, changes, inside, codes = 0, 0, 0, 0
     unlike: list[float] = []
-    contrast = np.maximum(np.ptp(sample.here, axis=0), 1e-6)
     for axis, name in enumerate(AXES):
         bits = _bits(frames, name)
         if len(bits) < 2:
             continue
         low = bits[-1][0]
-        parts = [_codes(part, bits) for part in (sample.here, sample.right, sample.below)]
+        parts = [_codes([part(pattern, inverse) for _, pattern, inverse, *_ in bits]) for part in sample.bits]
         number, decided = parts[0]
         step, offset = bits[0][3], bits[0][4]
         first, last = -offset // step, (projector_size[axis] - 1 - offset) // step
@@ -129,15 +161,13 @@ def judge(sample: Sample, frames: Sequence[Frame], projector_size: tuple[int, in
             both = decided & its & (other != number)
             changes += int(np.count_nonzero(both))
             continuous += int(np.count_nonzero(both & (np.abs(other - number) <= 2)))
-        for _, pattern, inverse, *_ in bits:
-            if pattern is not None and inverse is not None:
-                total = (sample.here[pattern] + sample.here[inverse]) / contrast
-                unlike.append(float(np.median(np.abs(total - np.median(total)))))
+        pairs = [(pattern, inverse) for _, pattern, inverse, *_ in bits if pattern is not None and inverse is not None]
+        unlike += [sample.unlike(min(pair), max(pair)) for pair in pairs]
     return Judgement(
         continuous / max(changes, 1),
         inside / max(codes, 1),
         float(np.median(unlike)) if unlike else 0.0,
-        _dark(sample.here, frames, contrast),
+        _dark(sample.here, frames, sample.contrast),
         changes,
     )
 
@@ -175,8 +205,7 @@ def _seen(grey: Sequence[Image], pixels: IntArray) -> FloatArray:
 
 def repeated_pictures(sample: Sample) -> list[int]:
     """Which pictures show the same as the one before, but for noise."""
-    contrast = np.maximum(np.ptp(sample.here, axis=0), 1e-6)
-    off = np.percentile(np.abs(np.diff(sample.here, axis=0)) / contrast, 80, axis=1)
+    off = np.percentile(np.abs(np.diff(sample.here, axis=0)) / sample.contrast, 80, axis=1)
     return (np.flatnonzero(off < SAME) + 1).tolist()
 
 
@@ -265,21 +294,29 @@ def _bits(frames: Sequence[Frame], axis: str) -> list[tuple[int, int | None, int
     return [(bit, patterns.get(bit), inverses.get(bit), first.step_px, int(first.offset_px)) for bit in bits]
 
 
-def _codes(
-    part: FloatArray, bits: Sequence[tuple[int, int | None, int | None, int, int]]
-) -> tuple[np.ndarray, np.ndarray]:
+def _codes(bits: Sequence[tuple[BoolArray, BoolArray]]) -> tuple[IntArray, BoolArray]:
     """n of each pixel, and whether all of its bits are decided."""
-    low, high = part.min(axis=0), part.max(axis=0)
-    middle, contrast = low + high, np.maximum(high - low, 1e-6)
-    number, bit_before = np.zeros(part.shape[1], np.int64), np.zeros(part.shape[1], np.int64)
-    decided = np.ones(part.shape[1], np.bool_)
-    for _, pattern, inverse, *_ in bits:
-        p = part[pattern] if pattern is not None else middle - part[inverse]
-        q = part[inverse] if inverse is not None else middle - part[pattern]
-        decided &= np.abs(p - q) > DECIDED * contrast
-        bit_before = bit_before ^ (p > q)
+    decided = np.logical_and.reduce([its for _, its in bits])
+    number = bit_before = np.zeros(decided.shape, np.int64)
+    for changes, _ in bits:
+        bit_before = bit_before ^ changes
         number = (number << 1) | bit_before
     return number, decided
+
+
+def _bit(
+    part: FloatArray, low: FloatArray, high: FloatArray, pattern: int | None, inverse: int | None
+) -> tuple[BoolArray, BoolArray]:
+    """Of pixels whose pictures go from `low` to `high`: whether pattern outshines inverse, and whether clearly."""
+    p = part[pattern] if pattern is not None else low + high - part[inverse]
+    q = part[inverse] if inverse is not None else low + high - part[pattern]
+    return p > q, np.abs(p - q) > DECIDED * np.maximum(high - low, 1e-6)
+
+
+def _unlike_pair(here: FloatArray, contrast: FloatArray, one: int, other: int) -> float:
+    """Median over the pixels of |one + other - its median|, of the contrast."""
+    total = (here[one] + here[other]) / contrast
+    return float(np.median(np.abs(total - np.median(total))))
 
 
 def _surprise(order: tuple[bool, bool, bool, str, int]) -> tuple[int, int]:
