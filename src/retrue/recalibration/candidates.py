@@ -153,7 +153,7 @@ def starting_poses(
     starts.append(_seen(old.R, old.t, homographies))
     free = np.flatnonzero(points.plane_index == FREE)
     if len(free) >= FEWEST_FREE:
-        starts += _of_five_points(points, free, homographies, noise, rng)
+        starts += of_five_points(points, free, homographies, noise, rng)
     return starts
 
 
@@ -172,7 +172,7 @@ def twins_of_planes(points: TwoViewPoints, homographies: list[FloatArray]) -> li
     return found
 
 
-def _of_five_points(
+def of_five_points(
     points: TwoViewPoints, free: IntArray, homographies: list[FloatArray], noise: float, rng: np.random.Generator
 ) -> list[TwoViewPose]:
     """The best of samples from everywhere, half of each off all planes, with points in front of both devices."""
@@ -322,7 +322,7 @@ def better_without_planes(posterior: Posterior, noise: float, rng: np.random.Gen
     none = np.ones(len(pose.planes), dtype=np.bool_)
     measured = replace(posterior.measured.without_planes(none), misfit=MISFIT_PX)
     starts = [replace(pose, planes=np.empty((0, 3)))]
-    starts += _of_five_points(measured.support.points, np.arange(len(points)), [], noise, rng)
+    starts += of_five_points(measured.support.points, np.arange(len(points)), [], noise, rng)
     found: list[Posterior] = []
     for start in starts:
         try:

@@ -30,6 +30,7 @@ from retrue.recalibration.candidates import (
     with_planes,
 )
 from retrue.recalibration.chance import deviations_limit
+from retrue.recalibration.consensus import quieter_majorities
 from retrue.recalibration.fit import Support, carried, own_pose, squared_sigmas
 from retrue.recalibration.hypotheses import hypothesis, without_parts
 from retrue.recalibration.lens import LENS_NAMES, LENS_PARAMETERS, stated_prior, wide_prior
@@ -42,6 +43,7 @@ from retrue.recalibration.parts import (
     IN_A_MIRROR,
     MOST_DEVIATIONS,
     Part,
+    agreeing_with_both,
     differing_capture,
     homography_residuals,
     most_unexplained,
@@ -168,8 +170,12 @@ def judge(rig: Rig, captures: Sequence[Correspondences], options: RecalibrateOpt
         measured = _measured(rig, captures, few, homographies, neighbours, options.flatness_sigma, photographs)
         hypotheses = [hypothesis(measured, start, prior, tight, homographies) for start in starts]
         posteriors = [one.better() for one in hypotheses]
+        majorities = quieter_majorities(measured, posteriors, noise / 2, prior, tight, homographies, rng)
+        posteriors += [one.better() for one in majorities]
+        hypotheses += majorities
         best, rivals = ranked(posteriors, measured, few, light, old, (), rng)
-        asked = [best, *(one.fixed for one in hypotheses if one.moved is best), *(rival.posterior for rival in rivals)]
+        asked = [best, *(one.fixed for one in hypotheses if one.moved is best)]
+        asked += [*(one.better() for one in majorities), *(rival.posterior for rival in rivals)]
         asides = other_parts(asked, rng)
         hypotheses += without_parts(hypotheses, best, asides, homographies, tight, alone=len(captures) == 1)
         if asides or len(hypotheses) > len(posteriors):
@@ -237,7 +243,10 @@ def judge(rig: Rig, captures: Sequence[Correspondences], options: RecalibrateOpt
     others = [*parts_apart(answer, part, whole.homography_residuals), shifted_copy(answer, outside)]
     if turned.any() and (mirror := other_part(answer, outside, rng)) is not None:
         others.append(replace(mirror, name=IN_A_MIRROR))
-    named = [other for other in others if other is not None and other.count]
+    both = agreeing_with_both(answer, others)
+    outside = outside & ~both
+    named = [replace(other, rows=other.rows & ~both) for other in others if other is not None]
+    named = [other for other in named if other.count]
     part = max(named, key=lambda one: one.count, default=None)
     if part is not None and part.name != IN_A_MIRROR:  # whatever else has an explanation of its own, is none of its
         part = replace(part, rows=np.any([one.rows for one in named if one.name != IN_A_MIRROR], axis=0))

@@ -11,7 +11,7 @@ from retrue.errors import DegenerateError
 from retrue.geometry.arrays import BoolArray, FloatArray, IntArray
 from retrue.geometry.five_points import best_essentials, sampson_squares
 from retrue.geometry.robust import CUTOFF, biweight_level, quantile, within_reach_of_mode
-from retrue.geometry.two_view import FREE, POSE_PARAMETERS, TwoViewPoints
+from retrue.geometry.two_view import FREE, POSE_PARAMETERS, TwoViewPoints, epipolar_residuals
 from retrue.kernels import triangulation as kernel
 from retrue.recalibration.candidates import behind
 from retrue.recalibration.contradiction import contradiction
@@ -77,6 +77,17 @@ def unexplained(posterior: Posterior) -> BoolArray:
     level = float(np.hypot(noise.level, noise.shared))
     wrong = ~(np.abs(posterior.fit.found.epipolar) < CUTOFF * level)
     return wrong | behind(posterior.pose, posterior.points, level)
+
+
+def agreeing_with_both(posterior: Posterior, parts: Sequence[Part | None]) -> BoolArray:
+    """(N,) points set aside as some of another pose that agree with this one, too: they contradict neither."""
+    noise = posterior.fit.epipolar_noise
+    missed = epipolar_residuals(posterior.pose, posterior.points)
+    both = np.zeros(len(missed), dtype=np.bool_)
+    for part in parts:
+        if part is not None and part.essential is not None:
+            both |= part.rows & (np.abs(missed) < CUTOFF * float(np.hypot(noise.level, noise.shared)))
+    return both
 
 
 def homography_residuals(points: TwoViewPoints, homographies: Sequence[FloatArray]) -> FloatArray:

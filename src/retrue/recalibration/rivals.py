@@ -141,17 +141,17 @@ def _costs_of_part(part: Part, posterior: Posterior, floor: Floor) -> FloatArray
     return explained
 
 
-def least(posteriors: list[Posterior]) -> Posterior:
+def least(posteriors: list[Posterior], asides: Sequence[Part] = ()) -> Posterior:
     """The posterior of least cost; of those that its sigma holds, the one that the lenses as they are fit best."""
     if len(posteriors) == 1:
         return posteriors[0]
-    best = _least(posteriors, [fit.eased for fit in posteriors])
+    best = _least(posteriors, [fit.eased for fit in posteriors], asides)
     alike = [fit for fit in posteriors if fit is best or same_answer(best, fit.pose)]
-    return best if len(alike) == 1 else _least(alike, alike)
+    return best if len(alike) == 1 else _least(alike, alike, asides)
 
 
-def _least(posteriors: list[Posterior], judged: list[Posterior]) -> Posterior:
-    return posteriors[int(np.argmin(total_costs(judged)))]
+def _least(posteriors: list[Posterior], judged: list[Posterior], asides: Sequence[Part]) -> Posterior:
+    return posteriors[int(np.argmin(total_costs(judged, asides)))]
 
 
 def total_costs(posteriors: Sequence[Posterior], asides: Sequence[Part] = ()) -> list[float]:
@@ -209,7 +209,7 @@ def ranked(
 
     `asides` are of other poses, whichever hypothesis is right.
     """
-    best, beaten = least(posteriors), list[tuple[float, Posterior, tuple[Rival, ...]]]()
+    best, beaten = least(posteriors, asides), list[tuple[float, Posterior, tuple[Rival, ...]]]()
     while True:
         rivals = _rivals(best, posteriors, measured, few, light, old, asides, rng)
         strongest = min(rivals, key=lambda rival: rival.margin, default=None)
@@ -219,7 +219,7 @@ def ranked(
         best = strongest.posterior
         alike = [fit for fit in posteriors if same_answer(best, fit.pose)]
         if alike and not any(best is fit for fit in posteriors):  # a twin as it stands, which was also fitted
-            best = _least(alike, alike)
+            best = _least(alike, alike, asides)
         if any(best is one for _, one, _ in beaten):  # each beats another in turn: the one that is beaten by least
             return max(beaten, key=lambda one: one[0])[1:]
 

@@ -1,0 +1,75 @@
+"""Most points may share a pose more quietly than all of them do: a fit to all takes the others for noise."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from retrue.errors import DegenerateError
+from retrue.geometry.arrays import FloatArray
+from retrue.geometry.robust import QUARTILE, quantile
+from retrue.geometry.two_view import epipolar_residuals
+from retrue.recalibration.candidates import MOST, of_five_points
+from retrue.recalibration.hypotheses import Hypothesis, hypothesis
+from retrue.recalibration.lens import LensPrior
+from retrue.recalibration.parts import FEWEST_OF_A_PART, LOUD, Part, set_aside
+from retrue.recalibration.posterior import Measured, Parameters, Posterior, Prior, posterior_at
+
+AGREES = 3.0  # sigma
+STEPS = 4  # of fitting those that agree, and asking again which those are
+UNEVEN = 0.5  # of the noise of each point: so much that neighbours share is more than they err alike, or another thing
+
+
+def quieter_majorities(
+    measured: Measured,
+    posteriors: Sequence[Posterior],
+    noise: float,
+    prior: Prior,
+    tight: LensPrior,
+    homographies: list[FloatArray],
+    rng: np.random.Generator,
+) -> list[Hypothesis]:
+    """Poses of most points that set the others aside, where those of all points may be held by what does not belong.
+
+    A part that misses its epipolar lines by few sigma, as a copy does that was shifted along them, is no outlier to a
+    level that is estimated with it, and a fit that begins at the right pose leaves it. Concentration steps do not, at
+    the level of the nearest quarter of the points, or of neighbours about each other (`noise`, in the unit of the rays)
+    where that is less (Rousseeuw, Van Driessen 1999). They are asked where the points are louder, or share much of it.
+    """
+    points = measured.support.points
+    own = noise / quantile(np.hypot(points.camera_sigma, points.projector_sigma), 0.5)
+    quietest = min((fit.fit.epipolar_noise for fit in posteriors), key=lambda one: one.level)
+    if not (quietest.level > LOUD * own or quietest.shared > UNEVEN * quietest.level):
+        return []
+    starts = of_five_points(points, np.arange(len(points)), homographies, noise, rng)
+    found = [_concentrated(measured, Parameters.of(start), own, prior, tight, homographies) for start in starts]
+    quiet = quietest.level / LOUD  # fewer points are a little quieter anyway
+    return [one for one in found if one is not None and one.better().fit.epipolar_noise.level < quiet]
+
+
+def _concentrated(
+    measured: Measured,
+    start: Parameters,
+    own: float,
+    prior: Prior,
+    tight: LensPrior,
+    homographies: list[FloatArray],
+) -> Hypothesis | None:
+    """The hypothesis of the points that agree with it; None where those are nearly all, or too few."""
+    points, found = measured.support.points, None
+    missed = epipolar_residuals(start.pose, points)
+    for _ in range(STEPS):
+        level = min(own, quantile(np.abs(missed), 0.25) / QUARTILE)
+        away = ~(np.abs(missed) < AGREES * level)
+        if not FEWEST_OF_A_PART <= np.count_nonzero(away) < (1 - MOST) * len(points):
+            return None
+        part = Part("elsewhere", away, 5, np.empty((0, 2)), 0.0)
+        try:
+            found = hypothesis(set_aside(measured, part), start, prior, tight, homographies)
+            fit = found.better()
+            missed = posterior_at(measured, fit.parameters, fit.prior).fit.found.epipolar
+        except DegenerateError:
+            return None
+        start = fit.parameters
+    return found
