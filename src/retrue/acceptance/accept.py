@@ -16,7 +16,7 @@ from retrue.answers import Reason
 from retrue.errors import InputError, require_kind, require_kinds, require_names
 from retrue.geometry.arrays import FloatArray, IntArray
 from retrue.reconstruction.cloud import Cloud
-from retrue.shown import ShortRepr, Shown, counted, figures
+from retrue.shown import ShortRepr, Shown, counted, figures, figures_beside
 from retrue.values import ByValue
 
 COVERAGE_FACTOR = 2.0
@@ -116,7 +116,9 @@ class Acceptance(ByValue, ShortRepr):
 
     def _shown(self) -> Shown:
         rows = {
-            f"{SYMBOLS[name]}, {name}": f"{figures(value.value)} +- {figures(value.expanded)} {self.unit}"
+            f"{SYMBOLS[name]}, {name}": (
+                f"{figures_beside(value.value, value.expanded)} +- {figures(value.expanded)} {self.unit}"
+            )
             for name, value in self.worst().items()
         }
         return f"{self.verdict}, {counted(len(self.positions), 'position')}: {self.reason}", rows
