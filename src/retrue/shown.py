@@ -91,6 +91,18 @@ def figures(value: float | None, count: int = 3) -> str:
     return f"{value:.{count - 1 - math.floor(math.log10(abs(value)))}f}"
 
 
+def figures_beside(value: float, expanded: float) -> str:
+    """A value to as many places as its uncertainty has.
+
+    >>> figures_beside(0.0000949, 0.409), figures_beside(-1234.5678, 0.0123), figures_beside(-0.0002, 0.15)
+    ('0.000', '-1234.5678', '0.000')
+    """
+    if not (math.isfinite(value) and math.isfinite(expanded) and expanded > SMALLEST):
+        return figures(value)
+    _, _, places = figures(expanded).partition(".")
+    return f"{round(value, len(places)) + 0.0:.{len(places)}f}"
+
+
 def vector(values: Iterable[float], count: int = 4) -> str:
     """A few numbers with so many significant figures of the largest.
 

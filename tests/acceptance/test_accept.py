@@ -75,15 +75,27 @@ def test_noise_along_the_rays_makes_no_ball_smaller():
     normals = np.column_stack([np.sin(tilt) * np.cos(turn), np.sin(tilt) * np.sin(turn), -np.cos(tilt)])
     X = centre + radius * normals
     rays = X / np.linalg.norm(X, axis=1, keepdims=True)
-    noise = np.full(200, 0.4)
+    sigma = 0.4
+    noise = sigma**2 * (rays[:, :, None] * rays[:, None])
     plain, fitted = [], []
     for _ in range(100):
-        moved = X + random.normal(0, noise)[:, None] * rays
+        moved = X + random.normal(0, sigma, 200)[:, None] * rays
         plain.append(sphere_through(moved).radius - radius)
         fitted.append(fit_sphere(moved, noise, 0.0).parameters[3] - radius)
     doubt = np.std(fitted, ddof=1) / np.sqrt(100)
     assert np.mean(plain) < -3 * doubt
     assert abs(np.mean(fitted)) < 3 * doubt
+
+
+def test_noise_across_a_ball_is_that_of_each_points_covariance():
+    random, centre = np.random.default_rng(4), np.array([20.0, 10.0, 650.0])
+    normals = random.normal(size=(300, 3)) * [1, 1, 0.3] - [0, 0, 2]
+    normals /= np.linalg.norm(normals, axis=1, keepdims=True)
+    longest = np.array([np.sin(0.15), 0.0, np.cos(0.15)])  # between the camera's ray and the projector's
+    noise = np.tile(np.outer(longest, longest) + 0.01 * np.eye(3), (300, 1, 1))
+    X = centre + 22.0 * normals + 1e-3 * random.multivariate_normal(np.zeros(3), noise[0], 300)
+    ratio = fit_sphere(X, noise, 0.0).noise / np.sqrt((normals @ longest) ** 2 + 0.01)
+    assert ratio.std() < 1e-3 * ratio.mean()
 
 
 def test_a_cap_is_cut_by_rays_so_that_noise_chooses_no_points():

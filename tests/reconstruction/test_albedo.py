@@ -9,6 +9,7 @@ from retrue.correspondences import Correspondences
 from retrue.errors import InputError
 from retrue.reconstruction.options import ReconstructOptions
 from retrue.reconstruction.reconstruct import reconstruct
+from retrue.reconstruction.surface_grid import cells_from_rim, surface_grid
 from tests.reconstruction.scenes import BALL, RIG, WALL, scene
 
 PAINT = np.array([[200, 200, 200], [60, 160, 220], [30, 90, 40]])
@@ -95,3 +96,19 @@ def test_a_print_is_no_loss_of_the_lens(seed):
     radius = np.linalg.norm(points.camera_px - RIG.camera.K[:2, 2], axis=1)[wall]
     outer, inner = (np.median(left[part]) for part in (radius > 0.6 * radius.max(), radius < 0.3 * radius.max()))
     assert outer / inner == pytest.approx(1, abs=0.02)
+
+
+def test_a_print_goes_on_at_the_rim():
+    points, _, thing, light = shaded()
+    printed = 0.7 + 0.3 * np.sin(points.camera_px @ [0.31, 0.12]) * np.sin(points.camera_px @ [-0.09, 0.27])
+    seen = (points.colors * printed[:, None]).round().astype(np.uint8)
+    cloud = reconstruct(
+        RIG,
+        replace(points, colors=seen, light=points.light * printed),
+        ReconstructOptions(albedo=True, keep_strays=True),
+    )
+    cells = cells_from_rim(surface_grid(cloud.points, cloud.cells), len(cloud), 3)
+    wall = (light > 0.3) & (thing == WALL)
+    left = np.log(cloud.colors.max(axis=1) / printed)
+    left -= np.median(left[wall])
+    assert np.sqrt(np.mean(left[wall & (cells == 0)] ** 2)) < 0.05  # neighbours differ by 0.15

@@ -79,6 +79,15 @@ def test_all_that_is_to_be_seen_at_first_is_named():
     assert alone["layers"] == []
 
 
+def test_the_first_view_is_as_near_as_the_points_let_it():
+    cloud = plane()
+    slanted = replace(cloud, points=cloud.points + cloud.points[:, :1] * [0, 0, 3.0])  # its box is mostly empty
+    ends = np.array(spec_of(space_html([Layer("points", slanted)]))["ends"])
+    assert cKDTree(slanted.points).query(ends)[0].max() < 1e-6
+    for axis in range(3):
+        assert np.ptp(ends[:, axis]) > 0.97 * np.ptp(slanted.points[:, axis])
+
+
 def test_what_cannot_be_drawn_is_refused():
     with pytest.raises(InputError, match="expected points"):
         space_html([])

@@ -16,7 +16,7 @@ from retrue.answers import Reason
 from retrue.errors import InputError, require_kind, require_kinds, require_names
 from retrue.geometry.arrays import FloatArray, IntArray
 from retrue.reconstruction.cloud import Cloud
-from retrue.shown import ShortRepr, Shown, counted, figures
+from retrue.shown import ShortRepr, Shown, counted, figures, figures_beside
 from retrue.values import ByValue
 
 COVERAGE_FACTOR = 2.0
@@ -26,6 +26,7 @@ SYMBOLS: dict[Quantity, str] = {"form": "PF", "size": "PS", "spacing": "SD", "fl
 SMALLEST_BALL, SHORTEST_BAR, SMALLEST_PLANE = 0.02, 0.3, 0.5
 """Of the measuring volume's diagonal, as the guideline is quoted."""
 LEAST_SURE = 0.1  # expanded uncertainty of a diameter, of the diameter
+SIDEWAYS = 0.2  # noise across a ray, of that along it, where only this is known: about the baseline over the distance
 NEAR_LENGTH = 0.2  # of a bar's length: what two balls may be off to be its own
 
 
@@ -115,7 +116,9 @@ class Acceptance(ByValue, ShortRepr):
 
     def _shown(self) -> Shown:
         rows = {
-            f"{SYMBOLS[name]}, {name}": f"{figures(value.value)} +- {figures(value.expanded)} {self.unit}"
+            f"{SYMBOLS[name]}, {name}": (
+                f"{figures_beside(value.value, value.expanded)} +- {figures(value.expanded)} {self.unit}"
+            )
             for name, value in self.worst().items()
         }
         return f"{self.verdict}, {counted(len(self.positions), 'position')}: {self.reason}", rows
@@ -317,7 +320,7 @@ def _measured_plane(name: str, cloud: Cloud, artefact: Artefact, options: Accept
     if not len(rows) >= options.fewest_points:
         return _refused(name, FewPoints(len(rows), options.fewest_points))
     points = cloud.points[rows]
-    fitted = fit_plane(points, _sigma(cloud, rows), options.outliers_permille / 1000)
+    fitted = fit_plane(points, _noise(cloud, rows), options.outliers_permille / 1000)
     _, _, axes = np.linalg.svd(points - points.mean(axis=0), full_matrices=False)
     length = float(np.ptp(points @ axes[0]))
     if options.diagonal is not None and not length >= SMALLEST_PLANE * options.diagonal:
@@ -327,9 +330,23 @@ def _measured_plane(name: str, cloud: Cloud, artefact: Artefact, options: Accept
     return Position(name, (value,), points.mean(axis=0), cloud.camera_px[rows], fitted.residuals)
 
 
-def _sigma(cloud: Cloud, rows: IntArray) -> FloatArray | None:
-    """Of those points along their rays, where it is known."""
-    return None if cloud.sigma is None else cloud.sigma[rows]
+def _noise(cloud: Cloud, rows: IntArray) -> FloatArray:
+    """(N, 3, 3) covariance of those points' own noise, up to a common factor.
+
+    Of a cloud that only knows each point's sigma along its ray, or not even that: longest there, as the square of the
+    distance.
+    """
+    points = cloud.points[rows]
+    if cloud.uncertainty is not None:
+        noise = cloud.uncertainty.select(rows).covariance(points, "own")
+        if np.isfinite(noise).all() and (np.trace(noise, axis1=1, axis2=2) > 0).all():
+            return noise
+    distance = np.linalg.norm(points, axis=1)
+    sigma = distance**2 if cloud.sigma is None else cloud.sigma[rows]
+    if not (np.isfinite(sigma).all() and (sigma > 0).all()):
+        sigma = distance**2
+    rays = points / distance[:, None]
+    return sigma[:, None, None] ** 2 * (rays[:, :, None] * rays[:, None] + SIDEWAYS**2 * np.eye(3))
 
 
 def _balls(cloud: Cloud, artefact: Artefact, options: AcceptOptions) -> list[tuple[FloatArray, IntArray]]:
@@ -341,7 +358,7 @@ def _fitted_ball(cloud: Cloud, rows: IntArray, artefact: Artefact, options: Acce
     assert artefact.diameter is not None
     if not len(rows) >= options.fewest_points:
         return FewPoints(len(rows), options.fewest_points)
-    element = fit_sphere(cloud.points[rows], _sigma(cloud, rows), options.outliers_permille / 1000)
+    element = fit_sphere(cloud.points[rows], _noise(cloud, rows), options.outliers_permille / 1000)
     expanded = 2 * COVERAGE_FACTOR * _radius_sigma(element)
     if not expanded <= LEAST_SURE * artefact.diameter.value:
         return TooSmall("at this noise the diameter", artefact.diameter.value, expanded / LEAST_SURE, artefact.unit)

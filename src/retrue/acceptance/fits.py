@@ -3,8 +3,8 @@
 What remains after the fit is split in two: a smooth field, a polynomial of degree four over the element, which is
 what the rig does wrong and would do again; and noise, which another picture would not repeat. Uncertainties come
 from the noise alone, for a test asks for the former. Its level is taken from the data, so that only the ratios of
-the points' sigmas need to be right; and where neighbours share their noise, the blocks in which they lie tell by how
-much less they know.
+the points' covariances need to be right; and where neighbours share their noise, the blocks in which they lie tell by
+how much less they know.
 """
 
 from __future__ import annotations
@@ -21,7 +21,6 @@ DEGREE = 4
 BLOCKS = 7  # along each side, for what neighbours share
 DRAWS, FEWEST_DRAWS = 300, 60
 MOST_NORMALS = 30_000_000  # drawn in all
-SIDEWAYS = 0.2  # noise across a ray, of that along it: about the baseline over the distance
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -48,13 +47,13 @@ class Element:
     form_sigma: float
 
 
-def fit_sphere(points: FloatArray, sigma: FloatArray | None, outliers: float) -> Element:
+def fit_sphere(points: FloatArray, noise: FloatArray, outliers: float) -> Element:
     """Minimises sum of (|X - c| - r)^2 over c and r, free both: the Gaussian compensating sphere.
 
     Parameters
     ----------
     points : (N, 3) of one ball, in the camera frame.
-    sigma : (N,) of each point along its ray, up to a common factor; None: as the square of its depth.
+    noise : (N, 3, 3) covariance of each point, up to a common factor.
     outliers : share that `form` leaves out.
 
     Raises
@@ -63,18 +62,18 @@ def fit_sphere(points: FloatArray, sigma: FloatArray | None, outliers: float) ->
 
     >>> directions = np.random.default_rng(0).normal(size=(500, 3)) * [1, 1, 0.5] - [0, 0, 3]
     >>> ball = 5 * directions / np.linalg.norm(directions, axis=1, keepdims=True) + [10, 20, 400]
-    >>> fit_sphere(ball, None, 0.003).parameters.round(6).tolist()
+    >>> fit_sphere(ball, np.tile(np.eye(3), (500, 1, 1)), 0.003).parameters.round(6).tolist()
     [10.0, 20.0, 400.0, 5.0]
     """
     found = sphere_through(points)
     away = points - found.centre
     _, _, axes = np.linalg.svd(away - away.mean(axis=0), full_matrices=False)
     parameters = np.append(found.centre, found.radius)
-    element = _element(parameters, found.residuals, away @ axes[:2].T, found.design, points, sigma, outliers)
-    return replace(element, parameters=parameters - _bias_of_sphere(element, found, points))
+    element = _element(parameters, found.residuals, away @ axes[:2].T, found.design, noise, outliers)
+    return replace(element, parameters=parameters - _bias_of_sphere(element, found, noise))
 
 
-def fit_plane(points: FloatArray, sigma: FloatArray | None, outliers: float) -> Element:
+def fit_plane(points: FloatArray, noise: FloatArray, outliers: float) -> Element:
     """Minimises sum of (n . X - d)^2 over unit n and d: the Gaussian compensating plane; n points to the camera."""
     centre = points.mean(axis=0)
     away = points - centre
@@ -83,7 +82,7 @@ def fit_plane(points: FloatArray, sigma: FloatArray | None, outliers: float) -> 
     across = away @ axes[:2].T
     design = np.column_stack([np.tile(normal, (len(points), 1)), across])  # rows begin with the normal, as of a sphere
     parameters = np.append(normal, normal @ centre)
-    return _element(parameters, away @ normal, across, design, points, sigma, outliers)
+    return _element(parameters, away @ normal, across, design, noise, outliers)
 
 
 def trimmed_range(values: FloatArray, outliers: float) -> float:
@@ -107,26 +106,27 @@ def _element(
     residuals: FloatArray,
     across: FloatArray,
     design: FloatArray,
-    points: FloatArray,
-    sigma: FloatArray | None,
+    noise: FloatArray,
     outliers: float,
 ) -> Element:
     """What remains, and how sure all of it is; `across` (N, 2) are places on the element."""
-    shape = _noise_across(points, sigma, design[:, :3])
+    normals = design[:, :3]
+    shape: FloatArray = np.sqrt((_by_normals(noise, normals) * normals).sum(axis=1))
+    shape /= np.sqrt(np.mean(shape**2))
     smooth, level, shared = _split(residuals, across, shape)
     inverse = np.asarray(np.linalg.pinv(design), dtype=np.float64)
     covariance = shared * level**2 * (inverse * shape**2) @ inverse.T
-    draws = int(np.clip(MOST_NORMALS / len(points), FEWEST_DRAWS, DRAWS))
+    draws = int(np.clip(MOST_NORMALS / len(residuals), FEWEST_DRAWS, DRAWS))
     random = np.random.default_rng(0)
     ranges = np.empty(draws)
     for draw in range(draws):
-        drawn = smooth + level * shape * random.standard_normal(len(points))
+        drawn = smooth + level * shape * random.standard_normal(len(residuals))
         ranges[draw] = trimmed_range(drawn - design @ (inverse @ drawn), outliers)
     form = trimmed_range(residuals, outliers)
     return Element(parameters, covariance, level * shape, shared, residuals, form, float(ranges.std(ddof=1)))
 
 
-def _bias_of_sphere(element: Element, found: FittedSphere, points: FloatArray) -> FloatArray:
+def _bias_of_sphere(element: Element, found: FittedSphere, noise: FloatArray) -> FloatArray:
     """(4,) by how much centre and radius err on average, in the second order of the noise.
 
     Noise turns the very normals that weigh it: a point that is too far off lies nearer to the rim of the cap, too, and
@@ -138,10 +138,9 @@ def _bias_of_sphere(element: Element, found: FittedSphere, points: FloatArray) -
     Source: Box, "Bias in nonlinear estimation", Journal of the Royal Statistical Society B 33 (1971).
     """
     normals, design = found.design[:, :3], found.design
-    rays = points / np.linalg.norm(points, axis=1, keepdims=True)
-    cosine = (rays * normals).sum(axis=1)
-    square = element.noise**2 / (cosine**2 + SIDEWAYS**2)  # along the ray; `_noise_across`
-    by_normal = square[:, None] * (rays * cosine[:, None] + SIDEWAYS**2 * normals)  # C n
+    by_normal = _by_normals(noise, normals)
+    level = element.noise**2 / (by_normal * normals).sum(axis=1)  # of the common factor
+    by_normal *= level[:, None]
     inverse = np.asarray(np.linalg.pinv(design), dtype=np.float64)
     a, V = element.shared * inverse[:3].T, element.covariance
     lever = element.shared * (inverse.T * design).sum(axis=1)
@@ -150,24 +149,16 @@ def _bias_of_sphere(element: Element, found: FittedSphere, points: FloatArray) -
     def across(vectors: FloatArray) -> FloatArray:
         return vectors - normals * (vectors * normals).sum(axis=1, keepdims=True)
 
-    trace = square * (1 + 3 * SIDEWAYS**2) - along
+    trace = level * np.trace(noise, axis1=1, axis2=2) - along
     trace -= 2 * (across(by_normal) * a).sum(axis=1)
     trace += np.trace(V[:3, :3]) - ((normals @ V[:3, :3]) * normals).sum(axis=1)
     turned = across(by_normal * (1 - lever)[:, None] - a * along[:, None] + design @ V[:, :3]) / found.radius
     return inverse @ (trace / (2 * found.radius)) + np.linalg.pinv(design.T @ design)[:, :3] @ turned.sum(axis=0)
 
 
-def _noise_across(points: FloatArray, sigma: FloatArray | None, normals: FloatArray) -> FloatArray:
-    """Each point's noise along the element's normal (N, 3), up to a common factor.
-
-    Noise is longest along the ray; seen at a slant, less of it is across the surface.
-    """
-    distance = np.linalg.norm(points, axis=1)
-    known = sigma is not None and bool(np.isfinite(sigma).all()) and bool((sigma > 0).all())
-    along = sigma if known and sigma is not None else distance**2
-    cosine = np.abs((points * normals).sum(axis=1)) / distance
-    shape: FloatArray = along * np.hypot(cosine, SIDEWAYS)
-    return shape / np.sqrt(np.mean(shape**2))
+def _by_normals(noise: FloatArray, normals: FloatArray) -> FloatArray:
+    """(N, 3) C n of each point."""
+    return (noise @ normals[:, :, None])[:, :, 0]
 
 
 def _split(residuals: FloatArray, across: FloatArray, shape: FloatArray) -> tuple[FloatArray, float, float]:

@@ -187,7 +187,7 @@ def _report(answer: Acceptance) -> dict[str, Any]:
 def _text(answer: Acceptance) -> str:
     """A table of the values, in 80 columns."""
     from retrue.acceptance.accept import SYMBOLS
-    from retrue.shown import counted, figures
+    from retrue.shown import counted, figures, figures_beside
 
     lines = [f"{answer.verdict}: {answer.reason}", f"{answer.artefact}, in {answer.unit}, U with k = 2"]
     wanted = answer.artefact.positions
@@ -202,8 +202,9 @@ def _text(answer: Acceptance) -> str:
             lines.append(f"  {name:<28}{position.cause}")
         for value in position.values:
             limit = "-" if value.limit is None else figures(value.limit)
+            found = figures_beside(value.value, value.expanded)
             lines.append(
-                f"  {name:<28}{SYMBOLS[value.quantity]:<4}{value.part:<8}{figures(value.value):>10}"
+                f"  {name:<28}{SYMBOLS[value.quantity]:<4}{value.part:<8}{found:>10}"
                 f"{figures(value.expanded):>9}{limit:>9}  {value.decision}"
             )
     return "\n".join(lines)

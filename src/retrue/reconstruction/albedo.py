@@ -63,21 +63,27 @@ def _shading(rig: Rig, X: FloatArray, grid: SurfaceGrid) -> tuple[FloatArray, Bo
 def _evened(found: FloatArray, seen: FloatArray, sure: BoolArray, grid: SurfaceGrid) -> FloatArray:
     """(N, 3) albedo, at a rim as bright as it is there and as the neighbours are, weighted by how sure either is.
 
-    How paint changes from a point to its neighbours, the `sure` points show; how much more the others do, is the error
-    of their shading. Those without any are of the colour that is `seen`.
+    How paint changes from a point to the next, two `sure` neighbours show; how much more a rim and its sure neighbour
+    differ, is the error of the rim's shading. What is far off the neighbours, beyond paint and that error, is no
+    shading at all, and counts less the farther (Tukey's biweight). Those without any are of the colour that is `seen`.
     """
     with np.errstate(divide="ignore"):
         level = np.log(found.max(axis=1))
     own = np.where(np.isfinite(level), level, np.nan)
     around = _mean_of_neighbours(np.where(sure, own, np.nan), grid)
-    paint, both = (_variance((own - around)[here]) for here in (sure, ~sure))
-    share = min(paint / both, 1.0) if both > 0 else 1.0
+    a, b = grid.links()
+    paint, beside = (_variance((own[a] - own[b])[here]) for here in (sure[a] & sure[b], sure[a] != sure[b]))
+    both = _variance((own - around)[~sure])
+    share = 1 - min(max(beside - paint, 0.0) / both, 1.0) if both > 0 else 1.0
     filled = np.where(sure, own, around)
     for _ in range(FARTHEST):
         filled = np.where(np.isnan(filled), _mean_of_neighbours(filled, grid), filled)
     known = np.isfinite(filled)
     filled = np.where(known, filled, float(np.median(filled[known])) if known.any() else 0.0)
-    mixed = np.where(np.isfinite(own), share * own + (1 - share) * filled, filled)
+    off = own - filled
+    if both > 0:
+        share = share * biweight(np.nan_to_num(off / np.sqrt(both)))
+    mixed = np.where(np.isfinite(own), filled + share * off, filled)
     chroma = seen / np.maximum(seen.max(axis=1, keepdims=True), 1e-9)
     return np.exp(np.where(sure, filled, mixed))[:, None] * chroma
 

@@ -13,7 +13,7 @@ from retrue.acceptance.accept import SHORTEST_BAR, SMALLEST_BALL, SMALLEST_PLANE
 from retrue.errors import FileError, InputError
 from retrue.geometry.arrays import Image
 from retrue.report.certificate_pictures import histogram, part, residual_picture, volume_plan
-from retrue.shown import figures
+from retrue.shown import figures, figures_beside
 
 NAMES = {
     "form": "Probing error, form",
@@ -257,7 +257,7 @@ def _values_table(rows: Sequence[tuple[str, Value]], *, named: bool) -> Any:
         first = NAMES[value.quantity] if named else position
         symbol = f"{SYMBOLS[value.quantity]} {value.part}".strip()
         limit = "&#8211;" if value.limit is None else figures(value.limit)
-        numbers = [figures(value.value), figures(value.expanded), limit]
+        numbers = [figures_beside(value.value, value.expanded), figures(value.expanded), limit]
         cells.append(
             [
                 _paragraph(_escaped(first), "body"),
@@ -328,7 +328,7 @@ def _paragraph(text: str, kind: str) -> Any:
     size, font, color, more = {
         "title": (21, "Helvetica-Bold", INK, {}),
         "number": (11, "Helvetica", FAINT, {"spaceBefore": 5}),
-        "heading": (11, "Helvetica-Bold", INK, {"spaceBefore": 9, "spaceAfter": 4}),
+        "heading": (11, "Helvetica-Bold", INK, {"spaceBefore": 9, "spaceAfter": 4, "keepWithNext": 1}),
         "verdict": (15, "Helvetica-Bold", INK, {"spaceAfter": 4}),
         "body": (9, "Helvetica", INK, {}),
         "number cell": (9, "Helvetica", INK, {"alignment": 2, "rightIndent": 8}),

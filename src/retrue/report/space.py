@@ -28,6 +28,7 @@ from retrue.rig import Rig, require_rig
 MOST_POINTS = 2_000_000  # of a layer; more are thinned evenly, and the page says so
 MOST_FACES = 800_000  # of a mesh; where there are more, its points are shown
 STRAY_SHARE = 0.002  # of the points, at either end of each axis: strays must not shrink the rest
+DIRECTIONS = 100  # in which the outermost points are looked for
 FRUSTUM_SHARE = 0.16  # of the distance to the scene
 CAMERA_COLOR, PROJECTOR_COLOR = (0.43, 0.66, 1.0), (0.95, 0.6, 0.3)
 Vector = tuple[float, float, float]
@@ -220,8 +221,8 @@ def _spec(layers: Sequence[Layer], lines: Sequence[Line], about: About, most: in
 
 
 def _whole_view(shown: Sequence[Layer], low: FloatArray, high: FloatArray, lines: FloatArray | None) -> dict[str, Any]:
-    """What the view turns about, from where, and what it shows whole: the box of the points; of devices, from aside."""
-    ends = np.stack(np.meshgrid(*np.stack([low, high], axis=1)), axis=-1).reshape(-1, 3)
+    """What the view turns about, from where, and what it shows whole: the outermost points; of devices, from aside."""
+    ends = np.concatenate([_outermost(layer.model.points, low, high) for layer in shown]) if shown else np.empty((0, 3))
     if lines is not None:
         ends = np.concatenate([ends, lines]) if shown else lines
     middle = (ends.min(axis=0) + ends.max(axis=0)) / 2
@@ -290,6 +291,17 @@ def _inner(points: FloatArray) -> FloatArray:
     """(2, 3) the box of all points but a few strays."""
     few = points[:: max(1, len(points) // 100_000)]
     return np.quantile(few, [STRAY_SHARE, 1 - STRAY_SHARE], axis=0)
+
+
+def _outermost(points: FloatArray, low: FloatArray, high: FloatArray) -> FloatArray:
+    """(K, 3) of the points in that box those that lie farthest out in one of many directions: their hull, nearly."""
+    few = points[:: max(1, len(points) // 100_000)]
+    inside = few[((few >= low) & (few <= high)).all(axis=1)]
+    steps = np.arange(DIRECTIONS)
+    z, turn = (2 * steps + 1) / DIRECTIONS - 1, steps * np.pi * (3 - 5**0.5)  # a spiral over the sphere
+    rim = np.sqrt(1 - z**2)
+    ways = np.stack([rim * np.cos(turn), rim * np.sin(turn), z], axis=1)
+    return inside[sorted({int((inside @ way).argmax()) for way in ways})] if len(inside) else few[:1]
 
 
 def _packed(array: NDArray[Any]) -> str:
