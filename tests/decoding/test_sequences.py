@@ -289,3 +289,33 @@ def test_hardly_any_light_beyond_noise_is_told():
     pattern = layout_sequence("slstudio-gray", SIZE)
     with pytest.raises(CaptureError, match="pixels are lit beyond their noise: expose longer"):
         decode(pattern, shot_of(pattern.frames, albedo=0.15, noise=6.0).pictures)
+
+
+def test_noise_of_bits_without_inverses_white_and_black_is_measured():
+    """Dark pixels' bits are chance, and were read as another order: the brightest picture stood for white."""
+    frames = gray_frames("column", range(9)[::-1], inverses=False)
+    shot = shot_of(frames, albedo=0.5, noise=5.0, mapping=lambda x, y: (1.13 * x - 40.0, 1.09 * y + 6.7))
+    points = decode(shot.pattern, shot.pictures)
+    off = points.projector_px[:, 0] - shot.truth(points.camera_px)[:, 0]
+    assert len(points) > 0.3 * CAMERA[0] * CAMERA[1]
+    assert np.mean(np.abs(off) > 2) < 0.02
+
+
+@pytest.mark.parametrize("layout", ["3dunderworld", "procam-calibration"])
+@pytest.mark.parametrize("pair", [0, 4, 6, 9])
+def test_a_pair_that_is_missing_is_not_taken_for_white_and_black(layout, pair):
+    pattern = layout_sequence(layout, GRAY_SIZE)
+    *pairs, white, black = shoot(GrayCode(GRAY_SIZE)).pictures
+    del pairs[2 * pair : 2 * pair + 2]
+    kept = [*pairs, white, black] if pattern.frames[0].code == "gray" else [white, black, *pairs]
+    with pytest.raises(CaptureError, match=r"expected \d+ pictures .* as many as without white and black; read so"):
+        decode(pattern, kept)
+
+
+def test_all_patterns_may_come_before_all_inverses():
+    pattern = GrayCode(GRAY_SIZE)
+    shot = shoot(pattern)
+    *pairs, white, black = shot.pictures
+    points = decode(pattern, [*pairs[::2], *pairs[1::2], white, black])
+    assert points.card.advice[0] == "read all the same: all inverses come last"
+    assert np.sqrt(np.mean(errors(shot, points) ** 2)) < 0.03

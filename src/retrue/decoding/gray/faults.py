@@ -34,6 +34,12 @@ CONFLICT = 0.7
 """|pattern + inverse - 1| of a pixel where both are bright or both are dark; blurred stripes stay below it."""
 MOST_CONFLICTS = 0.15
 LEAST_TRANSITIONS = 16
+FOLDS = "the {} code runs up and down again, as where the pictures of a bit are missing or wrong"
+COARSE, FEWEST_STEPS = 2, 40
+LACKING = 0.2
+"""Of the changes of a bit, at which the next lower one is 1: noise leaves half, its pictures nearly all."""
+FOLDED = 0.5
+"""Of the steps between neighbours, that more than balance: of a code that lacks a bit as many go up as down."""
 MOST_OUTSIDE = 0.02
 MOST_MISSING = 8
 """Numbers in a row: names that lack more are not numbered one by one."""
@@ -111,6 +117,8 @@ def require_order(code: CodeImage, neighbour: CodeImage, names: Sequence[tuple[s
     elif wrong.max(initial=0) > 0.8:
         pattern, inverse = names[len(names) - 1 - int(np.argmax(wrong))]
         problem = f"pattern and inverse are swapped: {pattern} and {inverse}"
+    elif _lacks_a_bit(code, neighbour, len(names)):
+        problem = FOLDS.format(axis)
     else:
         return
     raise CaptureError(CAPTURE, f"{problem}; expected pattern before inverse, most significant bit first")
@@ -133,6 +141,26 @@ def _order_violations(code: CodeImage, neighbour: CodeImage, bits: int) -> Float
         if np.count_nonzero(above) >= LEAST_TRANSITIONS:
             shares[bit] = np.mean((wrong[above] >> bit) & 1)
     return shares
+
+
+def _lacks_a_bit(code: CodeImage, neighbour: CodeImage, bits: int) -> bool:
+    """Whether at the changes of some bit the next lower one is 0: it is not the next, then."""
+    gray = code ^ (code >> 1)
+    changed = gray ^ neighbour ^ (neighbour >> 1)
+    lower = [(gray[changed == 2 << bit] >> bit) & 1 for bit in range(bits - 1)]
+    return any(len(own) >= LEAST_TRANSITIONS and own.mean() < LACKING for own in lower)
+
+
+def require_one_way(along: Sequence[tuple[CodeImage, CodeImage]], axis: str) -> None:
+    """Raise where about as many codes go up as down: on surfaces, all go one way. Without the finest bits, noise's own.
+
+    `along` both array axes, the codes of neighbouring pixels, (N,) each.
+    """
+    steps = [(there >> COARSE) - (here >> COARSE) for here, there in along]
+    near = [own[np.abs(own) == 1] for own in steps]
+    count, more = sum(map(len, near)), sum(abs(int(own.sum())) for own in near)
+    if count >= FEWEST_STEPS and more < FOLDED * count:
+        raise CaptureError(CAPTURE, FOLDS.format(axis))
 
 
 def require_inside(agreed: int, outside: Sequence[int], largest: Sequence[int], stripes: Sequence[Stripes]) -> None:

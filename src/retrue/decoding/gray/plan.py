@@ -11,9 +11,10 @@ from numpy.typing import NDArray
 
 from retrue.decoding.gray.bits import CodeImage, decode_axis, neighbours
 from retrue.decoding.gray.edge_shape import NO_BIAS, EdgeBias, edge_bias
-from retrue.decoding.gray.faults import require_order
+from retrue.decoding.gray.faults import require_one_way, require_order
 from retrue.decoding.gray.sequence import GraySequence
 from retrue.decoding.gray.stripe_edges import FloatImage
+from retrue.geometry.arrays import BoolArray
 
 MAX_CELL = 32
 """Pixels: bands start at multiples of it, so that the cells of all bands lie on one grid."""
@@ -27,6 +28,8 @@ FEWEST_EDGES = 30
 MOST_STRIPES = 4
 """Between neighbours on one surface."""
 CHI_SQUARE_MEDIAN = 0.455
+FEWEST_PATTERNS = 3
+"""Without inverses, to see noise in how they scatter."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -112,7 +115,9 @@ def _plan_axis(strips: Sequence[GraySequence], axis: int, noise_gain: float) -> 
     steps = [float(np.count_nonzero(own == 1)) / max(len(own), 1) for own in apart]
     along = 0 if steps[0] > steps[1] else 1
     pairs = seen[along]
-    require_order(pairs.code, pairs.beyond, strips[0].names[axis], ("column", "row")[strips[0].stripes[axis].axis])
+    name = ("column", "row")[strips[0].stripes[axis].axis]
+    require_order(pairs.code, pairs.beyond, strips[0].names[axis], name)
+    require_one_way([(own.code, own.beyond) for own in seen], name)
     stripe = 1 / max(steps[along], 1 / MAX_CELL)
     cell = min(max(2 ** round(math.log2(stripe)), 2), MAX_CELL)
     return _AxisPlan(along, cell, pairs.resolved, _edge_bias(pairs, apart[along]))
@@ -146,7 +151,8 @@ def _edge_bias(pairs: _Neighbours, apart: CodeImage) -> EdgeBias:
 def _noise_gain(strips: GraySequence) -> float:
     """Pattern + inverse is the same for every bit, but for the noise of four pictures; of the finest two bits.
 
-    Without inverses: what the coarsest patterns differ from white, or from black; what stands for the difference of
+    Without inverses: what the coarsest patterns differ from white, or from black, as strayed light has its part in it;
+    but no less than the scatter of all, since white and black may be made of them. What stands for the difference of
     pattern and inverse, 2 pattern - white - black, has three times the variance of a true one.
     """
     axis = int(np.argmax([len(patterns) for patterns in strips.patterns]))
@@ -156,13 +162,31 @@ def _noise_gain(strips: GraySequence) -> float:
         pattern = strips.patterns[axis][0].astype(np.float32)
         nearest = np.where(np.abs(white - pattern) < np.abs(pattern - black), white, black)
         gains = np.square(pattern - nearest)[lit] / np.maximum(nearest, 1)[lit]
-        return 3 * float(np.median(gains)) / (2 * CHI_SQUARE_MEDIAN) if len(gains) else 0.0
+        apart = float(np.median(gains)) / (2 * CHI_SQUARE_MEDIAN) if len(gains) else 0.0
+        coarse = [pattern for patterns in strips.patterns for pattern in patterns[: max(len(patterns) - 2, 1)]]
+        return 3 * max(apart, _scatter(np.stack(coarse).astype(np.float32), (white + black) / np.float32(2), lit))
     pairs = list(zip(strips.patterns[axis][-2:], strips.inverses[axis][-2:], strict=True))
     if len(pairs) < 2:
         return 0.0
     first, second = (pattern.astype(np.float32) + inverse for pattern, inverse in pairs)
     gains = np.square(first - second)[lit] / np.maximum(white + black, 1)[lit]
     return float(np.median(gains)) / (2 * CHI_SQUARE_MEDIAN) if len(gains) else 0.0
+
+
+def _scatter(patterns: FloatImage, middle: FloatImage, lit: BoolArray) -> float:
+    """Variance of a picture's noise over brightness, from (K, height, width) patterns, bright or dark about the middle.
+
+    Of each pixel: how it is off the means of both, over the K - 2 that are left to differ; less what the next pixel is,
+    since light that strays through the scene differs from pattern to pattern, but hardly from pixel to pixel.
+    """
+    both = lit[:, :-1] & lit[:, 1:]
+    if len(patterns) < FEWEST_PATTERNS or not both.any():
+        return 0.0
+    bright, off = patterns > middle, patterns.copy()
+    for own in (bright, ~bright):
+        off -= own * (np.sum(patterns, axis=0, where=own) / np.maximum(own.sum(axis=0), 1))
+    squares = np.sum(np.square(np.diff(off, axis=2)), axis=0)[both] / 2
+    return float(np.median(squares / np.maximum(middle[:, :-1][both], 1))) / (len(patterns) - 2)
 
 
 def _lines(side: int) -> NDArray[np.intp]:

@@ -103,6 +103,18 @@ def frames_of(pattern: GrayCode | FrameSequence, count: int) -> tuple[Frame, ...
     return spec.frames if count == spec.picture_count else None
 
 
+def taken_without_lights(pattern: GrayCode | FrameSequence, count: int) -> str:
+    """That so many pictures are taken for those of the pattern without its white and black; nothing where not so.
+
+    A pair that is missing leaves as many.
+    """
+    spec, frames = sequence_of(pattern) if isinstance(pattern, GrayCode) else pattern, frames_of(pattern, count)
+    lights = {"white", "black"}
+    if frames is None or not lights & {f.code for f in spec.frames} or lights & {f.code for f in frames}:
+        return ""
+    return f"expected {_asked(spec)}, found {count} pictures, as many as without white and black"
+
+
 def grey_pictures(images: Sequence[Image]) -> list[Image]:
     """All pictures without colour."""
     return [_grey(image) for image in images]

@@ -12,10 +12,18 @@ from numpy.typing import NDArray
 from retrue.correspondences import Card, Correspondences
 from retrue.decoding.gray.decode_gray_code import REASONS as GRAY_REASONS
 from retrue.decoding.gray.decode_gray_code import band_rows, read_gray
-from retrue.decoding.gray.faults import CAPTURE
+from retrue.decoding.gray.faults import CAPTURE, require_complements, require_light
 from retrue.decoding.gray.sequence import gray_sequence
 from retrue.decoding.light import FULL, saturated
-from retrue.decoding.sequence.arrange import ArrangedSequence, arrange, frames_of, require_all_numbers, scene_lights
+from retrue.decoding.sequence.arrange import (
+    ArrangedSequence,
+    arrange,
+    frames_of,
+    grey_pictures,
+    require_all_numbers,
+    scene_lights,
+    taken_without_lights,
+)
 from retrue.decoding.sequence.read_sines import FEWEST_TURNS, plan_sines, read_sines
 from retrue.decoding.sequence.read_sines import REASONS as SINE_REASONS
 from retrue.decoding.sequence.sine_faults import ON_ITS_HEAD, SineFault, find_sine_fault
@@ -74,13 +82,19 @@ def decode_pictures(
     card says so; else the error says what happened, and first that they are overexposed, where that may be why.
     """
     require_all_numbers(pattern, names)
+    taken = taken_without_lights(pattern, len(images))
     try:
-        return _decode_or_diagnose(pattern, images, names)
+        points, sequence = _decode_or_diagnose(pattern, images, names)
+        if taken and points.card is not None and points.card.details.get("mirrored"):
+            raise CaptureError(CAPTURE, MIRRORED)  # white, taken for the first bit, turns all others round
+        return points, sequence
     except CaptureError as error:
         from retrue.decoding.sequence.diagnosis import overexposed
 
+        if taken:
+            error = CaptureError(CAPTURE, f"{taken}; read so, {error.problem}")
         if frames_of(pattern, len(images)) is None or not (share := overexposed(images)) > MOST_OVEREXPOSED:
-            raise
+            raise error from None
         too_bright = f"{100 * share:.0f} % of the lit pixels are overexposed: shorten the exposure"
         raise CaptureError(CAPTURE, f"{too_bright}; read as they are, {error.problem}") from error
 
@@ -96,12 +110,15 @@ def _decode_or_diagnose(
     except CaptureError as error:
         if len({image.shape[:2] for image in images}) != 1 or len({image.dtype for image in images}) != 1:
             raise
-        from retrue.decoding.sequence.diagnosis import diagnose
+        from retrue.decoding.sequence.diagnosis import diagnose, pair_starts
 
-        if not any(pattern_frame.code == "gray" for pattern_frame in frames_of(pattern, len(images)) or ()):
+        frames = frames_of(pattern, len(images)) or ()
+        if not any(frame.code == "gray" for frame in frames):
             raise
         found = diagnose(pattern, images, names)
         if found is None:
+            require_light(grey := grey_pictures(images))
+            require_complements(grey, names, pair_starts(frames))  # which tells the picture
             raise
         what = "; ".join(found.causes)
         if found.sequence is None:

@@ -37,7 +37,7 @@ CLEAR_SCORE = 0.8
 LEAST_GAIN = 0.03
 """By which it must fit better than what was expected."""
 SURPRISE = 0.01
-"""Of score that each cause must earn."""
+"""Of score that each cause must earn, and every two pictures that it leaves unexplained."""
 MISFIT = 0.05
 """Of the contrast: pattern and inverse of good pictures add up to the same within less."""
 BETTER = 0.6
@@ -110,9 +110,10 @@ def diagnose(pattern: GrayCode | FrameSequence, images: Sequence[Image], names: 
     white, black, color = scene_lights(spec, pictures, pictures)
     arranged = ArrangedSequence(spec, pictures, list(names), white, black, color, not isinstance(pattern, GrayCode))
     try:
-        require_complements(pictures, names, _pair_starts(spec))
+        require_complements(pictures, names, pair_starts(spec.frames))
     except CaptureError as error:
-        return Diagnosis((*causes, error.problem), None, figures)
+        told = not repeated_pictures(sample) and len(causes) > len(order.causes)
+        return Diagnosis((*causes, error.problem), None, figures) if told else None  # else it explains nothing
     return Diagnosis(tuple(causes), arranged, figures)
 
 
@@ -243,7 +244,7 @@ def _order(
             break
     expected = judged[0]
     told = [pair for pair in judged if pair[1].changes >= FEWEST_CHANGES]
-    best = max(told, key=lambda pair: pair[1].score - SURPRISE * len(pair[0].causes), default=expected)
+    best = max(told, key=lambda pair: pair[1].score - SURPRISE * _unexpected(pair[0]), default=expected)
     if not best[1].score > expected[1].score + LEAST_GAIN:
         best = expected
     if best[1].changes < FEWEST_CHANGES or not best[1].score > LEAST_SCORE:
@@ -256,6 +257,10 @@ def _views(sample: Sample, frames: Sequence[Frame]) -> Iterator[Sample]:
     yield sample
     yield sample.corrected(ones, fit_share(sample, frames))
     yield sample.corrected(fit_gains(sample, frames), 0.0)
+
+
+def _unexpected(order: Hypothesis) -> float:
+    return len(order.causes) + sum(frame.code == "ignore" for frame in order.frames) / 2
 
 
 def _light(sample: Sample, order: Hypothesis) -> tuple[FloatArray, float]:
@@ -292,9 +297,8 @@ def without_light_faults(grey: Sequence[Image], gains: FloatArray, share: float)
     return made
 
 
-def _pair_starts(spec: FrameSequence) -> list[int]:
+def pair_starts(frames: Sequence[Frame]) -> list[int]:
     """Where pattern and inverse of one bit follow each other."""
-    frames = spec.frames
     return [
         index
         for index, (first, second) in enumerate(pairwise(frames))

@@ -14,6 +14,7 @@ from itertools import product
 
 import numpy as np
 
+from retrue.decoding.gray.faults import FOLDED
 from retrue.geometry.arrays import BoolArray, FloatArray, Image, IntArray
 from retrue.patterns.sequence import AXES, Frame
 
@@ -84,6 +85,7 @@ class Judgement:
     Attributes
     ----------
     continuous : share of the changes between neighbours at which the code goes on by one or two.
+    one_way : of these, how many more go the usual way than the other; of the axis where that is less.
     inside : share of the codes that lie in the projector.
     unlike : median over pairs of |pattern + inverse - their median|, of the contrast.
     dark : by how much white less black falls short of the contrast, 0 to 2; the brightest or darkest picture stands for
@@ -92,6 +94,7 @@ class Judgement:
     """
 
     continuous: float
+    one_way: float
     inside: float
     unlike: float
     dark: float
@@ -100,16 +103,18 @@ class Judgement:
     @property
     def score(self) -> float:
         """Larger is better; 1 where all fits."""
-        return self.continuous * self.inside - self.unlike - LIGHTS_COUNT * self.dark
+        runs = self.continuous * self.inside * (self.one_way > FOLDED)
+        return runs - self.unlike - LIGHTS_COUNT * self.dark
 
 
 def hypotheses(frames: Sequence[Frame]) -> Iterator[Hypothesis]:
     """As expected first, then every order that people end up with, alone and together."""
-    orders = product((False, True), (False, True), (False, True), ("", "exchanged", "moved"), range(LATEST + 1))
+    either = (False, True)
+    orders = product(either, either, either, either, ("", "exchanged", "moved"), range(LATEST + 1))
     relabelled = cache(partial(_relabelled, frames))
     seen: set[tuple[Frame, ...]] = set()
-    for rows_first, low_first, inverse_first, lights, late in sorted(orders, key=_surprise):
-        made, causes = relabelled(rows_first, low_first, inverse_first, lights)
+    for *moved, lights, late in sorted(orders, key=_surprise):
+        made, causes = relabelled(*moved, lights)
         if late:
             made = (IGNORE,) * late + made[:-late]
             causes = (*causes, f"every picture shows what belongs {late} earlier: the camera is late by {late}")
@@ -119,7 +124,7 @@ def hypotheses(frames: Sequence[Frame]) -> Iterator[Hypothesis]:
 
 
 def _relabelled(
-    frames: Sequence[Frame], rows_first: bool, low_first: bool, inverse_first: bool, lights: str
+    frames: Sequence[Frame], rows_first: bool, low_first: bool, inverse_first: bool, inverses_last: bool, lights: str
 ) -> tuple[tuple[Frame, ...], tuple[str, ...]]:
     """The frames as one who mixed them up so has them, and what to tell him."""
     made, causes = list(frames), list[str]()
@@ -132,6 +137,9 @@ def _relabelled(
     if inverse_first:
         made = [replace(f, inverse=not f.inverse) if f.code == "gray" else f for f in made]
         causes.append("inverses come before patterns")
+    if inverses_last:
+        made = _inverses_last(made)
+        causes.append(f"all {'patterns' if inverse_first else 'inverses'} come last")
     if lights == "exchanged":
         other = {"white": "black", "black": "white"}
         made = [replace(f, code=other[f.code]) if f.code in other else f for f in made]
@@ -145,6 +153,7 @@ def _relabelled(
 def judge(sample: Sample, frames: Sequence[Frame], projector_size: tuple[int, int]) -> Judgement:
     """Fit a sample of pixels."""
     continuous, changes, inside, codes = 0, 0, 0, 0
+    one_way = [1.0]
     unlike: list[float] = []
     for axis, name in enumerate(AXES):
         bits = _bits(frames, name)
@@ -157,14 +166,18 @@ def judge(sample: Sample, frames: Sequence[Frame], projector_size: tuple[int, in
         first, last = -offset // step, (projector_size[axis] - 1 - offset) // step
         inside += int(np.count_nonzero(decided & ((number << low) >= first) & ((number << low) <= last)))
         codes += int(np.count_nonzero(decided))
-        for other, its in parts[1:]:
-            both = decided & its & (other != number)
-            changes += int(np.count_nonzero(both))
-            continuous += int(np.count_nonzero(both & (np.abs(other - number) <= 2)))
+        steps = [(other - number)[decided & its & (other != number)] for other, its in parts[1:]]
+        near = [np.sign(step[np.abs(step) <= 2]) for step in steps]
+        changes += sum(map(len, steps))
+        own = sum(map(len, near))
+        continuous += own
+        if own >= FEWEST_CHANGES:
+            one_way.append(sum(abs(float(way.sum())) for way in near) / own)
         pairs = [(pattern, inverse) for _, pattern, inverse, *_ in bits if pattern is not None and inverse is not None]
         unlike += [sample.unlike(min(pair), max(pair)) for pair in pairs]
     return Judgement(
         continuous / max(changes, 1),
+        min(one_way),
         inside / max(codes, 1),
         float(np.median(unlike)) if unlike else 0.0,
         _dark(sample.here, frames, sample.contrast),
@@ -319,10 +332,10 @@ def _unlike_pair(here: FloatArray, contrast: FloatArray, one: int, other: int) -
     return float(np.median(np.abs(total - np.median(total))))
 
 
-def _surprise(order: tuple[bool, bool, bool, str, int]) -> tuple[int, int]:
+def _surprise(order: tuple[bool, bool, bool, bool, str, int]) -> tuple[int, int]:
     """How many things went wrong at once."""
-    rows_first, low_first, inverse_first, lights, late = order
-    return sum((rows_first, low_first, inverse_first, bool(lights), late > 0)), late
+    *moved, lights, late = order
+    return sum((*moved, bool(lights), late > 0)), late
 
 
 def _rows_first(frames: Sequence[Frame]) -> list[Frame]:
@@ -347,6 +360,16 @@ def _low_first(frames: Sequence[Frame]) -> list[Frame]:
                 replace(f, bit=top - f.bit) if f.code == "gray" and f.axis == axis and f.bit is not None else f
                 for f in made
             ]
+    return made
+
+
+def _inverses_last(frames: Sequence[Frame]) -> list[Frame]:
+    """In the places of the bits, first of each pair the frame that comes first, then all that come second."""
+    places = [index for index, frame in enumerate(frames) if frame.code == "gray"]
+    first = next((frames[place].inverse for place in places), False)
+    made = list(frames)
+    for place, other in zip(places, sorted(places, key=lambda k: frames[k].inverse != first), strict=True):
+        made[place] = frames[other]
     return made
 
 
