@@ -22,7 +22,6 @@ from retrue.recalibration.rivals import PARAMETER, RARE, plane_levels, total_cos
 GATHERED = 15  # steps
 SETTLED = 15  # likewise
 MOVES = 30.0  # of chi-square, by which lenses that move must be better; by chance eight numbers gain it once in 5000
-LIKELY = 15.5  # of chi-square with eight degrees of freedom: further off is one calibrated lens of twenty
 LEAST_LEFT = 0.05  # of the points, as many as a plane holds at least
 
 
@@ -88,8 +87,7 @@ def _moved(fit: Posterior, start: Parameters, tight: LensPrior, homographies: li
         return None
     moved = [posterior_at(fit.measured, one.parameters, free) for one in found]
     best = moved[int(np.argmin(total_costs(moved)))]
-    lens = best.parameters.lens
-    return best if float(lens @ tight.precision @ lens) < LIKELY else None
+    return best if tight.likely(best.parameters.lens) else None
 
 
 def drawn_in(measured: Measured, start: Parameters, prior: Prior) -> Parameters:
