@@ -201,7 +201,9 @@ def copies_of_planes(posterior: Posterior, outside: BoolArray) -> list[Part]:
     if not posterior.measured.textured or not (plane != FREE).any():
         return shifted_copies(posterior, outside)
     largest = int(np.argmax(np.bincount(plane[plane != FREE])))
-    return shifted_copies(posterior, ~((plane == largest) & (posterior.fit.robust_weights[1] > 0)))
+    found = shifted_copies(posterior, ~((plane == largest) & (posterior.fit.robust_weights[1] > 0)))
+    known = np.any([~outside, *(one.rows for one in found)], axis=0)  # surfaces step by step hide what is none
+    return found + shifted_copies(posterior, ~known)
 
 
 def copies_explained(posterior: Posterior) -> list[Part]:
