@@ -62,3 +62,9 @@ def test_the_rig_s_own_word_on_its_lenses_is_taken() -> None:
 def test_a_covariance_that_is_none_is_refused(wrong: np.ndarray) -> None:
     with pytest.raises(InputError, match="lens_covariance"):
         stated_prior(replace(RIG, evidence={"lens_covariance": wrong.tolist()}), 1e-3, 1.0, 1e-3)
+
+
+def test_one_calibrated_lens_of_twenty_is_further_off_than_likely() -> None:
+    prior = stated_prior(RIG, 0.002, 1.0, 0.001)
+    drawn = np.random.default_rng(0).multivariate_normal(np.zeros(8), prior.covariance, 4000)
+    assert np.mean([prior.likely(change) for change in drawn]) == pytest.approx(0.95, abs=0.01)

@@ -104,11 +104,13 @@ def test_only_what_a_mirror_shows_is_turned_over() -> None:
     assert result.evidence.details["points_of_another_pose"] == pytest.approx(rows.sum(), rel=0.15)
 
 
-@pytest.mark.parametrize("moved", [12, 70])
+@pytest.mark.parametrize(("copied", "wrong", "moved"), [(40, 60, 12), (40, 60, 70), (12, 40, 0)])
 @pytest.mark.parametrize("step", [0.05, 0.1])
-def test_copies_to_both_sides_are_seen_among_wrong_matches_that_are_far_off(step: float, moved: int) -> None:
+def test_copies_to_both_sides_are_seen_among_wrong_matches_that_are_far_off(
+    step: float, copied: int, wrong: int, moved: int
+) -> None:
     measured, truth = measured_scene("wall")
-    rng, copied, wrong = np.random.default_rng(0), 40, 60
+    rng = np.random.default_rng(0)
     points, n = measured.support.points, truth.pose.planes[0]
     chosen = rng.choice(len(points), copied + moved + wrong, replace=False)
     rays, size = points.projector_rays.copy(), np.append(rng.choice([-1.0, 1.0], copied), rng.uniform(1.3, 1.6, moved))

@@ -317,3 +317,63 @@ def mode(places: cython.const[cython.double][:, ::1], every: cython.Py_ssize_t, 
         if count > most:
             most, best = count, i
     return best
+
+
+def of_one_step(
+    places: cython.const[cython.double][:, ::1],
+    forth: cython.const[cython.double][:, ::1],
+    weights: cython.const[cython.double][::1],
+    noise: cython.double,
+    fits: cython.Py_ssize_t,
+    members: cython.uchar[::1],
+    missed: cython.double[:, ::1],
+    room: cython.double[::1],
+) -> cython.void:
+    """`members` (N,) <- which places (N, 2+) lie where forth + w p does, (N, 3) and (N,), for the p of most of them.
+
+    p is linear least squares of them; those that miss by more than the noise, and than half of them do, leave, fit by
+    fit. `missed` (N, 2) <- by how much each does. Fewer than three tell no p, and then no place is one.
+    """
+    cython.declare(n=cython.Py_ssize_t, count=cython.Py_ssize_t)
+    w2: cython.double
+    near: cython.bint
+    changed: cython.bint
+    told: cython.bint = False
+    with cython.nogil:
+        for _ in range(fits):
+            count = 0
+            ww, wx, wy, wr, bx, by, br = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
+            for n in range(places.shape[0]):
+                if members[n]:
+                    x, y, w = places[n, 0], places[n, 1], weights[n]
+                    right, down = x * forth[n, 2] - forth[n, 0], y * forth[n, 2] - forth[n, 1]
+                    w2, count = w * w, count + 1
+                    ww, wx, wy, wr = ww + w2, wx - x * w2, wy - y * w2, wr + (x * x + y * y) * w2
+                    bx, by, br = bx + w * right, by + w * down, br - w * (x * right + y * down)
+            told = (count >= 3) & (ww > 0)
+            if not told:
+                break
+            left = wr - (wx * wx + wy * wy) / ww
+            ahead = (br - (wx * bx + wy * by) / ww) / left if left > 1e-12 * wr else 0.0
+            right, down = (bx - wx * ahead) / ww, (by - wy * ahead) / ww
+            count = 0
+            for n in range(places.shape[0]):
+                w = weights[n]
+                depth = forth[n, 2] + w * ahead
+                missed[n, 0] = places[n, 0] - (forth[n, 0] + w * right) / depth
+                missed[n, 1] = places[n, 1] - (forth[n, 1] + w * down) / depth
+                if members[n]:
+                    far = max(fabs(missed[n, 0]), fabs(missed[n, 1]))
+                    room[count] = far if far < INFINITY else INFINITY
+                    count += 1
+            reach = max(noise, _quantile(room, count, 0.5))
+            count, changed = 0, False
+            for n in range(places.shape[0]):
+                near = (fabs(missed[n, 0]) < reach) & (fabs(missed[n, 1]) < reach)
+                changed |= near != members[n]
+                members[n] = near
+                count += near
+            if not changed:
+                break
+        for n in range(places.shape[0]):
+            members[n] = told & (fabs(missed[n, 0]) < noise) & (fabs(missed[n, 1]) < noise)

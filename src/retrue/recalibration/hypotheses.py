@@ -11,19 +11,19 @@ import numpy as np
 
 from retrue.errors import DegenerateError
 from retrue.geometry.arrays import FloatArray
-from retrue.geometry.robust import biweight_level, gather_weights
-from retrue.geometry.two_view import TwoViewPose, planes_of_pose
+from retrue.geometry.robust import CUTOFF, biweight_level, gather_weights
+from retrue.geometry.two_view import TwoViewPose, epipolar_residuals, planes_of_pose
 from retrue.recalibration.candidates import MOST, twins_of_planes
 from retrue.recalibration.lens import LensPrior
 from retrue.recalibration.measured import MISFIT_PX
-from retrue.recalibration.parts import Part, copies_among_explained, most_unexplained, parts_apart, set_aside
+from retrue.recalibration.parts import Part, copies_explained, most_unexplained, parts_apart, set_aside
 from retrue.recalibration.posterior import Measured, Parameters, Posterior, Prior, fit_posterior, posterior_at
 from retrue.recalibration.rivals import PARAMETER, RARE, plane_levels, total_costs
 
 GATHERED = 15  # steps
 SETTLED = 15  # likewise
 MOVES = 30.0  # of chi-square, by which lenses that move must be better; by chance eight numbers gain it once in 5000
-LIKELY = 15.5  # of chi-square with eight degrees of freedom: further off is one calibrated lens of twenty
+ELSEWHERE = "elsewhere"
 LEAST_LEFT = 0.05  # of the points, as many as a plane holds at least
 
 
@@ -90,8 +90,7 @@ def _moved(fit: Posterior, start: Parameters, tight: LensPrior, homographies: li
         return None
     moved = [posterior_at(fit.measured, one.parameters, free) for one in found]
     best = moved[int(np.argmin(total_costs(moved)))]
-    lens = best.parameters.lens
-    return best if float(lens @ tight.precision @ lens) < LIKELY else None
+    return best if tight.likely(best.parameters.lens) else None
 
 
 def drawn_in(measured: Measured, start: Parameters, prior: Prior) -> Parameters:
@@ -134,13 +133,13 @@ def without_parts(
     for fit in (fit for one in hypotheses for fit in (one.fixed, one.moved) if fit is not None):
         starts.append((fit.parameters, parts_apart(fit, part, measured.homography_residuals)))
     if measured.textured:
-        starts += [(one.fixed.parameters, [copy]) for one in hypotheses for copy in copies_among_explained(one.fixed)]
+        starts += [(one.fixed.parameters, [copy]) for one in hypotheses for copy in copies_explained(one.fixed)]
     level = max(noise.level for noise in best.eased.fit.noises)
     gained = len(points) * 4 * float(np.log(level / min(plane_levels(measured), default=level)))
     if alone and len(homographies) > 1 and not gained < 2 * PARAMETER + RARE:
         for plane, twin in twins_of_planes(points, homographies):
             elsewhere = points.plane_index != plane
-            starts.append((Parameters.of(twin), [Part("elsewhere", elsewhere, 8, np.empty((0, 2)), 0.0)]))
+            starts.append((Parameters.of(twin), [Part(ELSEWHERE, elsewhere, 8, np.empty((0, 2)), 0.0)]))
     found: list[Hypothesis] = []
     for start, others in starts:
         if others:
@@ -151,7 +150,17 @@ def without_parts(
             if apart.aside is not None and np.count_nonzero(~apart.aside) < len(points) * left:
                 continue  # what is left of it any pose explains
             try:
-                found.append(hypothesis(apart, start, prior, tight, homographies))
+                one = hypothesis(apart, start, prior, tight, homographies)
+                if any(other.name == ELSEWHERE for other in others):  # the plane led there; what agrees belongs to it
+                    one = hypothesis(with_agreeing(one.fixed), one.fixed.parameters, prior, tight, homographies)
+                found.append(one)
             except DegenerateError:
                 continue
     return found
+
+
+def with_agreeing(fit: Posterior) -> Measured:
+    """What it was fitted to, with those of the points set aside that lie on their epipolar lines nevertheless."""
+    noise, measured = fit.fit.epipolar_noise, fit.measured
+    near = np.abs(epipolar_residuals(fit.pose, fit.points)) < CUTOFF * float(np.hypot(noise.level, noise.shared))
+    return measured if measured.aside is None else replace(measured, aside=measured.aside & ~near)

@@ -44,6 +44,7 @@ from retrue.recalibration.parts import (
     MOST_DEVIATIONS,
     Part,
     agreeing_with_both,
+    belongs_to,
     differing_capture,
     homography_residuals,
     most_unexplained,
@@ -78,6 +79,7 @@ from retrue.recalibration.reasons import (
 from retrue.recalibration.result import Evidence, PoseSigma, sigma_at, working_distance
 from retrue.recalibration.rivals import (
     Rival,
+    has_copies,
     light_of,
     move_deg,
     nearest_points,
@@ -182,6 +184,10 @@ def judge(rig: Rig, captures: Sequence[Correspondences], options: RecalibrateOpt
             compared = [one.better(asides) for one in hypotheses]
             posteriors = compared[: len(posteriors)]
             best, rivals = ranked(compared, measured, few, light, old, asides, rng)
+            unasked = [fit for fit in (best, *(rival.posterior for rival in rivals[:1])) if fit not in asked]
+            if more := [part for part in other_parts(unasked, rng) if not belongs_to(best, part)]:
+                asides += more
+                best, rivals = ranked(compared, measured, few, light, old, asides, rng)
         part = most_unexplained(asides, best)
         lens = lens_evidence(measured, homographies, best, part, tight, wide, old)
         undecided = [best, *(rival.posterior for rival in rivals if rival.margin < 0)]  # each beats another in turn
@@ -190,7 +196,7 @@ def judge(rig: Rig, captures: Sequence[Correspondences], options: RecalibrateOpt
             curved = misleading_plane(best, lens.kept)
         if photographs and not curved.any():
             curved = bent_planes(best)
-        if photographs and not curved.any() and shifted_copy(best, unexplained(best)) is None:
+        if photographs and not curved.any() and not has_copies(best):
             curved = needless_planes(best, lens.kept)  # without its plane, a copy would be another surface
         changed = lens.verdict == "changed"  # through another lens planes look curved
         free = [] if curved.any() and not changed else better_without_planes(best, noise, rng)

@@ -22,6 +22,7 @@ FOCAL = [0, LENS_PARAMETERS]
 WIDE_FOCAL, WIDE_PRINCIPAL_POINT, WIDE_K1 = 0.2, 0.03, 0.2
 """Of a lens that may have changed: relative, share of the picture's diagonal, absolute."""
 
+LIKELY = 15.5  # of chi-square with eight degrees of freedom
 MOST_COEFFICIENTS = max(DISTORTION_LENGTHS)
 NET = 9  # values of each focal length to start from
 SCORED_POINTS = 300
@@ -42,6 +43,10 @@ class LensPrior:
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "precision", np.linalg.inv(self.covariance))
+
+    def likely(self, change: FloatArray) -> bool:
+        """Whether lenses as calibrated may be off by so much: no further than nineteen of twenty are."""
+        return float(change @ self.precision @ change) < LIKELY
 
 
 def stated_prior(rig: Rig, focal: float, principal_point_px: float, k1: float) -> LensPrior:

@@ -12,6 +12,7 @@ from retrue.geometry.arrays import BoolArray, FloatArray, IntArray
 from retrue.geometry.five_points import best_essentials, sampson_squares
 from retrue.geometry.robust import CUTOFF, biweight_level, quantile, within_reach_of_mode
 from retrue.geometry.two_view import FREE, POSE_PARAMETERS, TwoViewPoints, epipolar_residuals
+from retrue.kernels import robust as robust_kernel
 from retrue.kernels import triangulation as kernel
 from retrue.recalibration.candidates import behind
 from retrue.recalibration.contradiction import contradiction
@@ -22,7 +23,7 @@ from retrue.recalibration.rays import Rays
 FEWEST_OF_A_PART = 15
 MOST_DEVIATIONS = 6.0  # of a capture from the others' pose
 A_COPY, IN_A_MIRROR = "a shifted copy", "points in a mirror"
-SHARE_OF_A_COPY = 0.1  # of the unexplained points; what one shift puts in place along both axes is no chance
+FEWEST_OF_A_COPY = 6  # what its price is paid by; what one shift puts in place along both axes is no chance
 MOST_COPIED, MOST_COPIES = 3, 3  # planes, the largest; and copies of them
 ROUGH_STEP, STEPPED = 0.1, 8  # of a step, by which perspective makes it differ at first; and fits of it
 MOST_MODES = 3
@@ -122,8 +123,7 @@ def shifted_copy(posterior: Posterior, outside: BoolArray) -> Part | None:
     """
     points, pose, measured = posterior.points, posterior.pose, posterior.measured
     rows = np.flatnonzero(outside)
-    fewest = max(FEWEST_OF_A_PART, int(SHARE_OF_A_COPY * len(rows)))
-    if len(rows) < fewest or not len(pose.planes):
+    if len(rows) < FEWEST_OF_A_COPY or not len(pose.planes):
         return None
     camera, projector = measured.rig.camera, measured.rig.projector
     focal = projector.K[0, 0]
@@ -150,14 +150,14 @@ def shifted_copy(posterior: Posterior, outside: BoolArray) -> Part | None:
                     found.append((mode, missed * focal, 3, index))
         for shift in shifts:
             mode = within_reach_of_mode(shift, CENTRES, noise)
-            if np.count_nonzero(mode) < fewest:
+            if np.count_nonzero(mode) < FEWEST_OF_A_COPY:
                 continue
             middle = np.median(shift[mode], axis=0)
             if np.abs(middle).max() > noise:  # what lies where the plane has it is no copy
                 found.append((mode, shift - middle, 2, index))
     mode, missed, parameters, index = max(found, key=lambda one: np.count_nonzero(one[0]), default=(rows < 0, x, 0, 0))
     count = int(np.count_nonzero(mode))
-    if count < fewest:
+    if count < FEWEST_OF_A_COPY:
         return None
     copied = np.count_nonzero((points.plane_index == index) & ~outside)
     copy = np.zeros(len(outside), dtype=np.bool_)
@@ -182,7 +182,7 @@ def _stepped(
     for _ in range(MOST_MODES):
         rows = np.flatnonzero(asked)
         rough = rows[within_reach_of_mode(relative[rows], CENTRES, ROUGH_STEP)] if len(rows) else rows
-        if len(rough) < FEWEST_OF_A_PART:
+        if len(rough) < FEWEST_OF_A_COPY:
             break
         asked[rough] = False
         mode, off = _of_one_step(y, forth, w, rough, noise)
@@ -194,40 +194,34 @@ def _stepped(
 def _of_one_step(
     y: FloatArray, forth: FloatArray, w: FloatArray, rows: IntArray, noise: float
 ) -> tuple[BoolArray, FloatArray]:
-    """(N,) points where y ~ forth + w p, for the p of most of those rows; and what (N, 2) they miss.
-
-    p, in the second device's frame, is linear least squares; what does not belong to them leaves half by half.
-    """
-    left = np.zeros((len(y), 2, 3))
-    left[:, 0, 0] = left[:, 1, 1] = w
-    left[:, :, 2] = -y[:, :2] * w[:, None]
-    right = y[:, :2] * forth[:, 2:] - forth[:, :2]
+    """(N,) points where y ~ forth + w p, for the p of most of those rows; and what (N, 2) they miss."""
     mode = np.zeros(len(y), dtype=np.bool_)
     mode[rows] = True
-    size, missed = np.full(len(y), np.inf), right
-    for _ in range(STEPPED):
-        if np.count_nonzero(mode) < FEWEST_OF_A_PART:
-            break
-        A, b = left[mode].reshape(-1, 3), right[mode].ravel()
-        p = np.linalg.lstsq(A.T @ A, A.T @ b, rcond=None)[0]
-        there = forth + w[:, None] * p
-        missed = y[:, :2] - there[:, :2] / there[:, 2:]
-        size = np.abs(missed).max(axis=1)
-        mode = size < max(noise, float(np.median(size[mode])))
-    return size < noise, missed
+    missed = np.zeros((len(y), 2))
+    robust_kernel.of_one_step(y, forth, w, noise, STEPPED, mode.view(np.uint8), missed, np.empty(len(y)))
+    return mode, missed
 
 
-def copies_among_explained(posterior: Posterior) -> list[Part]:
-    """Shifted copies of planes among all points off the largest one, of which the pose explains some.
+def copies_of_planes(posterior: Posterior, outside: BoolArray) -> list[Part]:
+    """Shifted copies among what the pose does not explain; of texture, which repeats, among all off the largest plane.
 
-    A print that repeats along the epipolar lines passes for another surface, from a pose that is a little off.
+    A print that repeats along the epipolar lines passes for another surface, from a pose that is a little off; and the
+    right pose explains some of it, too.
     """
     plane = posterior.points.plane_index
-    if not (plane != FREE).any():
-        return []
+    if not posterior.measured.textured or not (plane != FREE).any():
+        return shifted_copies(posterior, outside)
     largest = int(np.argmax(np.bincount(plane[plane != FREE])))
-    held = (plane == largest) & (posterior.fit.robust_weights[1] > 0)
-    return [copy for copy in shifted_copies(posterior, ~held) if (copy.rows & posterior.fit.explained).any()]
+    found = shifted_copies(posterior, ~((plane == largest) & (posterior.fit.robust_weights[1] > 0)))
+    known = np.any([~outside, *(one.rows for one in found)], axis=0)  # surfaces step by step hide what is none
+    return found + shifted_copies(posterior, ~known)
+
+
+def copies_explained(posterior: Posterior) -> list[Part]:
+    """Those copies of planes that may have led the pose: much of what it explains off all planes is of them."""
+    explained = posterior.fit.explained
+    fewest = max(FEWEST_OF_A_PART, int(ALIKE * np.count_nonzero(explained & (posterior.points.plane_index == FREE))))
+    return [part for part in posterior.parts if part.name == A_COPY and (part.rows & explained).sum() >= fewest]
 
 
 def copies_seen_through(posterior: Posterior) -> list[Part]:
@@ -261,7 +255,7 @@ def parts_of(posterior: Posterior) -> list[Part]:
     """Copies of planes that the pose explains, and planes that it does not: each has its own explanation."""
     outside = unexplained(posterior)
     apart = planes_apart(posterior, outside, posterior.measured.homography_residuals)
-    return shifted_copies(posterior, outside) + apart + copies_seen_through(posterior)
+    return copies_of_planes(posterior, outside) + apart + copies_seen_through(posterior)
 
 
 def other_part(posterior: Posterior, outside: BoolArray, rng: np.random.Generator) -> Part | None:
@@ -298,11 +292,12 @@ def other_parts(posteriors: Sequence[Posterior], rng: np.random.Generator) -> li
     """Those of each quiet hypothesis that leaves other points unexplained than those before it."""
     found: list[Part] = []
     asked: list[BoolArray] = []
-    quiet = LOUD * min(posterior.fit.epipolar_noise.level for posterior in posteriors)
+    quiet = LOUD * min((posterior.fit.epipolar_noise.level for posterior in posteriors), default=0.0)
     for posterior in posteriors[:MOST_ASKED]:
         if posterior.fit.epipolar_noise.level > quiet:
             continue
-        outside = unexplained(posterior)
+        copies = [part.rows for part in posterior.parts if part.name == A_COPY]  # they have an explanation
+        outside = unexplained(posterior) & ~np.any(copies, axis=0) if copies else unexplained(posterior)
         if any(np.count_nonzero(outside & ~known) < ALIKE * np.count_nonzero(outside) for known in asked):
             continue
         asked.append(outside)
@@ -348,6 +343,11 @@ def parts_apart(posterior: Posterior, part: Part | None, missed: FloatArray) -> 
         same = part_of_essential(posterior, outside, part.essential, part.reach, part.lens)
         found += [same] if _of_another_pose(same, outside) else []
     return found
+
+
+def belongs_to(posterior: Posterior, part: Part) -> bool:
+    """Whether the pose explains most of that part, which is then none beside it but its own."""
+    return 2 * int(np.count_nonzero(part.rows & ~unexplained(posterior))) > part.count
 
 
 def _of_another_pose(part: Part, outside: BoolArray) -> bool:

@@ -116,8 +116,7 @@ class Prior:
     pose : of the pose, where an old one is asked about.
     kept : (8, 8) second moment of what lenses that stay are off by, given what the points say of them; None: as the
         prior has it.
-    together : (5, 8) how the pose that a calibration found, the rig's own, goes with errors of the lenses that it
-        found; None where these errors have nothing to do with each other.
+    together : (5, 8) how the rig's own pose goes with errors of the lenses calibrated with it; None where it does not.
     """
 
     lens: LensPrior
@@ -236,7 +235,7 @@ class Posterior:
 
     @cached_property
     def through_free_lenses(self) -> Posterior:
-        """The same with both lenses free within their prior; itself where that is another hypothesis.
+        """The same with both lenses free within their prior; itself where these, or the pose, are another hypothesis.
 
         Points that are more exact than the lenses would else speak for whatever pose follows an error of those. On the
         way, no two points share an error, or all that a lens makes would be taken for it.
@@ -249,7 +248,8 @@ class Posterior:
             moved = fit_posterior(apart, self.parameters, prior, EASING)
         except DegenerateError:
             return self
-        return posterior_at(self.measured, moved.parameters, prior) if same_answer(self, moved.pose) else self
+        same = same_answer(self, moved.pose) and self.prior.lens.likely(moved.parameters.lens)
+        return posterior_at(self.measured, moved.parameters, prior) if same else self
 
     @cached_property
     def losses(self) -> FloatArray:

@@ -106,7 +106,8 @@ def explained_costs(posterior: Posterior, floor: Floor, asides: Sequence[Part]) 
     plane = posterior.points.plane_index
     counts = np.bincount(plane[(plane != FREE) & (posterior.fit.robust_weights[1] > 0)], minlength=1)
     price, parts = posterior.prior_cost + 3 * PARAMETER * int(np.count_nonzero(counts >= FEWEST_OF_A_PLANE)), 0.0
-    left = [(other, _costs_of_part(other, posterior, floor)) for other in (*posterior.parts, *asides)]
+    worthy = [other for other in (*posterior.parts, *asides) if found[other.rows].clip(0.0).sum() > price_of(other)]
+    left = [(other, _costs_of_part(other, posterior, floor)) for other in worthy]
     given = np.zeros(len(found), dtype=np.bool_)
     while left:  # the part that gains most comes first: another may have the same points
         gains = [np.maximum(found[other.rows] - explained, 0.0) for other, explained in left]
@@ -119,6 +120,15 @@ def explained_costs(posterior: Posterior, floor: Floor, asides: Sequence[Part]) 
         parts += price_of(other)
         given |= other.rows
     return found, price, parts, given
+
+
+def has_copies(posterior: Posterior) -> bool:
+    """Whether some points are explained so much better as a copy of a plane that it is worth its price."""
+    floor = Floor.of([posterior])
+    found = costs(posterior, floor)
+    copies = [part for part in posterior.parts if part.name == A_COPY]
+    gains = [np.maximum(found[copy.rows] - _costs_of_part(copy, posterior, floor), 0.0).sum() for copy in copies]
+    return any(gain > price_of(copy) for gain, copy in zip(gains, copies, strict=True))
 
 
 def price_of(part: Part) -> float:
