@@ -8,8 +8,11 @@ import numpy as np
 
 from retrue.geometry.robust import CUTOFF
 from retrue.recalibration.bows import measured_scale
+from retrue.recalibration.chance import strays
 from retrue.recalibration.posterior import Posterior, improved, posterior_at, same_answer
 from retrue.recalibration.rays import Rays
+
+STRAYED = 5  # times
 
 
 def settled(start: Posterior) -> Posterior:
@@ -19,6 +22,18 @@ def settled(start: Posterior) -> Posterior:
     parameters = replace(seen.parameters, bows=seen.parameters.bows / scale)
     measured = replace(seen.measured, flatness=scale * seen.measured.flatness)
     return improved(replace(seen, parameters=parameters, measured=measured), 3)
+
+
+def without_strays(answer: Posterior) -> Posterior:
+    """The best place near it without what lies on its epipolar lines by chance, see `strays`, and turned it there."""
+    for _ in range(STRAYED):
+        aside = answer.measured.aside
+        gone = strays(answer.fit, aside)
+        if not gone.any():
+            break
+        measured = replace(answer.measured, aside=gone if aside is None else gone | aside)
+        answer = settled(posterior_at(measured, answer.parameters, answer.prior))
+    return answer
 
 
 def pulled_away(answer: Posterior, best: Posterior) -> bool:

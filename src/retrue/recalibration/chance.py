@@ -7,13 +7,18 @@ from math import erfc, exp, log, pi, sqrt
 import numpy as np
 
 from retrue.geometry.arrays import BoolArray, FloatArray
+from retrue.geometry.nearest import nearest_of_all
 from retrue.geometry.robust import CUTOFF, count_between, silenced
-from retrue.geometry.two_view import FREE, Residuals
+from retrue.geometry.two_view import FREE, Residuals, behind, epipolar_residuals
 from retrue.recalibration.fit import PoseFit
 
 CHANCE = 3.5  # standard deviations of a sum over points that are there by chance
 AGREES, FAR = 3.0, 30.0  # sigma from the epipolar line: where right points lie, and where wrong ones do, too
 MOST_NEAR = 0.5  # of the points that are asked: so many agree with a pose by no chance
+WIDE = 120.0  # sigma: how deep few wrong matches lie, more of them tell
+FEWEST_INTERVALS = 2  # of inverse depth; fewer wrong matches tell of no depth
+NEIGHBOURS = 4
+MOST_STRAYS = 2  # where one is expected: of no more than two, the half or more are there by chance
 CHANCE_NATS = 12.0  # what five free parameters find among points that lie anywhere
 
 
@@ -73,3 +78,37 @@ def deviations_limit(false_alarms: float) -> float:
 
 
 NEWTON_STEPS = 20
+
+
+def strays(fit: PoseFit, aside: BoolArray | None) -> BoolArray:
+    """(N,) points off all planes that lie on their epipolar lines by chance, as their depth tells.
+
+    Few wrong matches do, but where they make a depth that nothing near them has, they turn the pose more than all right
+    points: nothing else holds it there. Those further from their lines say how many to expect at which inverse depth,
+    over what the neighbours of a point have (Efron's local false discovery rate, 2001): in intervals where one is
+    expected, two or fewer are none. Nor is any point behind a device.
+    """
+    free = fit.points.plane_index == FREE
+    asked = np.flatnonzero(free if aside is None else free & ~aside)
+    relative = np.abs(epipolar_residuals(fit.pose, fit.points)[asked]) / fit.epipolar_noise.level
+    near, beyond = asked[relative < CUTOFF], asked[(relative >= CUTOFF) & (relative < WIDE)]
+    found = np.zeros(len(free), dtype=np.bool_)
+    found[near] = behind(fit.pose, fit.points, fit.epipolar_noise.level)[near]
+    each = round((WIDE - CUTOFF) / CUTOFF)  # so many beyond for one that is expected
+    if len(beyond) < FEWEST_INTERVALS * each or len(near) < 2 * NEIGHBOURS:
+        return found
+    x, inverse_depth = fit.points.camera_rays, _inverse_depths(fit)
+    own = nearest_of_all(x[near], x[near], NEIGHBOURS + 1)[1][:, 1:]
+    over = inverse_depth[near] - np.median(inverse_depth[near][own], axis=1)
+    others = nearest_of_all(x[near], x[beyond], NEIGHBOURS)[1]
+    wrong = np.sort(inverse_depth[beyond] - np.median(inverse_depth[near][others], axis=1))
+    interval = np.searchsorted(wrong[each::each], over)
+    found[near] |= np.bincount(interval)[interval] <= MOST_STRAYS
+    return found
+
+
+def _inverse_depths(fit: PoseFit) -> FloatArray:
+    """(N,) rho of y x (R x + rho t) = 0, least squares: of the camera's depth in units of |t|, below 0 behind it."""
+    x, y = (np.column_stack([rays, np.ones(len(rays))]) for rays in (fit.points.camera_rays, fit.points.projector_rays))
+    a, b = np.cross(y, x @ fit.pose.R.T), np.cross(y, fit.pose.t)
+    return np.asarray(-(a * b).sum(axis=1) / np.maximum((b * b).sum(axis=1), 1e-300))

@@ -12,7 +12,7 @@ from retrue.errors import InputError
 from retrue.geometry.arrays import BoolArray, FloatArray, IntArray, finite_array
 from retrue.geometry.transform import direction_angle, rotation_angle
 from retrue.geometry.two_view import POSE_PARAMETERS
-from retrue.recalibration.all_points import apart_as_chosen, pulled_away, settled
+from retrue.recalibration.all_points import apart_as_chosen, pulled_away, settled, without_strays
 from retrue.recalibration.bent_planes import bent_planes
 from retrue.recalibration.bows import bow_shapes
 from retrue.recalibration.candidates import (
@@ -245,6 +245,7 @@ def judge(rig: Rig, captures: Sequence[Correspondences], options: RecalibrateOpt
     answer = settled(answer)
     if pulled_away(answer, best):
         answer = settled(apart_as_chosen(posterior_at(whole, start, prior), rays, best, few))
+    answer = without_strays(answer)
     whole, outside = answer.measured, unexplained(answer)
     others = [*parts_apart(answer, part, whole.homography_residuals), shifted_copy(answer, outside)]
     if turned.any() and (mirror := other_part(answer, outside, rng)) is not None:
