@@ -30,6 +30,11 @@ class Scene:
     spheres: Sequence[tuple[np.ndarray, float]] = ()
 
 
+CENTRES = ([-0.2, -0.1, 1.2], [0.1, 0.12, 1.3], [0.3, -0.15, 1.15], [-0.1, 0.2, 1.4])
+BALL = Scene(planes=[], spheres=[(np.array([0.0, 0.0, 1.6]), 0.5)])
+BALLS = Scene(planes=[], spheres=[(np.array(centre), 0.13) for centre in CENTRES])
+
+
 def first_hits(scene: Scene, origin: np.ndarray, rays: np.ndarray) -> np.ndarray:
     """(N, 3) nearest scene point along each ray from the origin; NaN where there is none."""
     nearest = np.full(len(rays), np.inf)

@@ -21,10 +21,9 @@ from retrue.recalibration.recalibrate import recalibrate
 from retrue.recalibration.result import Accepted, Refused
 from retrue.recalibration.swapped import exchanged
 from retrue.rig import Rig
-from tests.recalibration.scenes import CAMERA, POSE, RIG, SIDE_WALL, SPHERE, WALL, Scene, bumped, capture
+from tests.recalibration.scenes import BALL, CAMERA, POSE, RIG, SIDE_WALL, SPHERE, WALL, Scene, bumped, capture
 
 OLD = bumped(RIG, [2, 5, -1], [0, 4, 0])
-BALL = Scene(planes=[], spheres=[(np.array([0.0, 0.0, 1.6]), 0.5)])
 
 
 def off_deg(result: Accepted) -> tuple[float, float]:

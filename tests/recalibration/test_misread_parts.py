@@ -16,10 +16,8 @@ from retrue.recalibration.fit import squared_sigmas
 from retrue.recalibration.recalibrate import recalibrate
 from retrue.recalibration.result import Accepted
 from retrue.rig import Rig
-from tests.recalibration.scenes import POSE, RIG, Scene, bumped, capture
+from tests.recalibration.scenes import BALLS, POSE, RIG, Scene, bumped, capture
 
-CENTRES = ([-0.2, -0.1, 1.2], [0.1, 0.12, 1.3], [0.3, -0.15, 1.15], [-0.1, 0.2, 1.4])
-BALLS = Scene(planes=[], spheres=[(np.array(centre), 0.13) for centre in CENTRES])
 WEBCAM = Camera((640, 480), np.array([[600.0, 0, 320], [0, 600, 240], [0, 0, 1]]))
 SHIFTED = Camera((854, 480), np.array([[1100.0, 0, 427], [0, 1100, 600], [0, 0, 1]]))
 

@@ -15,11 +15,8 @@ from retrue.recalibration.fit import PoseFit, Support, evaluate, squared_sigmas
 from retrue.recalibration.rays import rays_of_captures
 from retrue.recalibration.recalibrate import recalibrate
 from retrue.recalibration.result import Accepted
-from tests.recalibration.scenes import POSE, RIG, Scene, bumped, capture
+from tests.recalibration.scenes import BALL, BALLS, POSE, RIG, Scene, bumped, capture
 
-CENTRES = ([-0.2, -0.1, 1.2], [0.1, 0.12, 1.3], [0.3, -0.15, 1.15], [-0.1, 0.2, 1.4])
-BALLS = Scene(planes=[], spheres=[(np.array(centre), 0.13) for centre in CENTRES])
-BALL = Scene(planes=[], spheres=[(np.array([0.0, 0.0, 1.6]), 0.5)])
 SMALL = Scene(planes=[], spheres=[(np.array([0.05, 0.0, 1.6]), 0.25)])
 OLD = bumped(RIG, [2, 5, -1], [0, 4, 0])
 TRUE = TwoViewPose(POSE.R, POSE.t / np.linalg.norm(POSE.t))

@@ -48,6 +48,11 @@ class Noise:
     alikeness: float = 1.0
 
     @property
+    def total(self) -> float:
+        """Standard deviation of both parts together."""
+        return float(np.hypot(self.level, self.shared))
+
+    @property
     def variance_of_blocks(self) -> FloatArray:
         """(N,) the same if each block erred by itself."""
         return self.level**2 + (self.variance - self.level**2) / self.alikeness

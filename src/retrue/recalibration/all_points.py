@@ -12,7 +12,7 @@ from retrue.recalibration.chance import strays
 from retrue.recalibration.posterior import Posterior, improved, posterior_at, same_answer
 from retrue.recalibration.rays import Rays
 
-STRAYED = 5  # times
+STRAYED = 5  # times, since other points may be strays where the pose then is
 
 
 def settled(start: Posterior) -> Posterior:
@@ -51,7 +51,7 @@ def apart_as_chosen(there: Posterior, rays: Rays, best: Posterior, few: Rays) ->
     `there` is that hypothesis on all `rays`; it was compared on a `few` of them, in the order of all.
     """
     noise, measured = best.fit.epipolar_noise, there.measured
-    aside = ~(np.abs(there.fit.found.epipolar) < CUTOFF * float(np.hypot(noise.level, noise.shared)))
+    aside = ~(np.abs(there.fit.found.epipolar) < CUTOFF * noise.total)
     most = int(rays.row.max(initial=0)) + 1
     compared = np.searchsorted(rays.capture * most + rays.row, few.capture * most + few.row)
     aside[compared] = best.measured.aside

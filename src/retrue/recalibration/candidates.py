@@ -234,7 +234,7 @@ def curved_planes(posterior: Posterior) -> BoolArray:
     """(P,) planes that the points do not believe: bowed by more than walls are, or scattered about themselves."""
     fit, plane = posterior.fit, posterior.points.plane_index
     gone = np.abs(posterior.parameters.bows).max(axis=1, initial=0.0) > MOST_BOW
-    across = float(np.hypot(fit.epipolar_noise.level, fit.epipolar_noise.shared))
+    across = fit.epipolar_noise.total
     for index in np.flatnonzero(~gone):
         along = np.abs(fit.found.along[(plane == index) & (fit.robust_weights[0] > 0)])
         scattered = len(along) > 0 and MAD_TO_SIGMA * quantile(along, 0.5) > max(MOST_SCATTER * across, SCATTER_PX)

@@ -9,7 +9,7 @@ import numpy as np
 from retrue.geometry.arrays import BoolArray, FloatArray
 from retrue.geometry.nearest import nearest_of_all
 from retrue.geometry.robust import CUTOFF, count_between, silenced
-from retrue.geometry.two_view import FREE, Residuals, behind, epipolar_residuals
+from retrue.geometry.two_view import FREE, Residuals, behind
 from retrue.recalibration.fit import PoseFit
 
 CHANCE = 3.5  # standard deviations of a sum over points that are there by chance
@@ -90,7 +90,7 @@ def strays(fit: PoseFit, aside: BoolArray | None) -> BoolArray:
     """
     free = fit.points.plane_index == FREE
     asked = np.flatnonzero(free if aside is None else free & ~aside)
-    relative = np.abs(epipolar_residuals(fit.pose, fit.points)[asked]) / fit.epipolar_noise.level
+    relative = np.abs(fit.found.epipolar[asked]) / fit.epipolar_noise.level
     near, beyond = asked[relative < CUTOFF], asked[(relative >= CUTOFF) & (relative < WIDE)]
     found = np.zeros(len(free), dtype=np.bool_)
     found[near] = behind(fit.pose, fit.points, fit.epipolar_noise.level)[near]

@@ -13,7 +13,7 @@ from retrue.geometry.two_view import epipolar_residuals
 from retrue.recalibration.candidates import MOST, of_five_points
 from retrue.recalibration.hypotheses import Hypothesis, hypothesis
 from retrue.recalibration.lens import LensPrior
-from retrue.recalibration.parts import FEWEST_OF_A_PART, LOUD, Part, set_aside
+from retrue.recalibration.parts import ELSEWHERE, FEWEST_OF_A_PART, LOUD, Part, set_aside
 from retrue.recalibration.posterior import Measured, Parameters, Posterior, Prior, posterior_at
 
 AGREES = 3.0  # sigma
@@ -64,7 +64,7 @@ def _concentrated(
         away = ~(np.abs(missed) < AGREES * level)
         if not FEWEST_OF_A_PART <= np.count_nonzero(away) < (1 - MOST) * len(points):
             return None
-        part = Part("elsewhere", away, 5, np.empty((0, 2)), 0.0)
+        part = Part(ELSEWHERE, away, 5, np.empty((0, 2)), 0.0)
         try:
             found = hypothesis(set_aside(measured, part), start, prior, tight, homographies)
             fit = found.better()

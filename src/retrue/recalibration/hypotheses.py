@@ -11,19 +11,26 @@ import numpy as np
 
 from retrue.errors import DegenerateError
 from retrue.geometry.arrays import FloatArray
-from retrue.geometry.robust import CUTOFF, biweight_level, gather_weights
-from retrue.geometry.two_view import TwoViewPose, epipolar_residuals, planes_of_pose
+from retrue.geometry.robust import biweight_level, gather_weights
+from retrue.geometry.two_view import TwoViewPose, planes_of_pose
 from retrue.recalibration.candidates import MOST, twins_of_planes
 from retrue.recalibration.lens import LensPrior
 from retrue.recalibration.measured import MISFIT_PX
-from retrue.recalibration.parts import Part, copies_explained, most_unexplained, parts_apart, set_aside
+from retrue.recalibration.parts import (
+    ELSEWHERE,
+    Part,
+    agreeing,
+    copies_explained,
+    most_unexplained,
+    parts_apart,
+    set_aside,
+)
 from retrue.recalibration.posterior import Measured, Parameters, Posterior, Prior, fit_posterior, posterior_at
 from retrue.recalibration.rivals import PARAMETER, RARE, plane_levels, total_costs
 
 GATHERED = 15  # steps
 SETTLED = 15  # likewise
 MOVES = 30.0  # of chi-square, by which lenses that move must be better; by chance eight numbers gain it once in 5000
-ELSEWHERE = "elsewhere"
 LEAST_LEFT = 0.05  # of the points, as many as a plane holds at least
 
 
@@ -161,6 +168,5 @@ def without_parts(
 
 def with_agreeing(fit: Posterior) -> Measured:
     """What it was fitted to, with those of the points set aside that lie on their epipolar lines nevertheless."""
-    noise, measured = fit.fit.epipolar_noise, fit.measured
-    near = np.abs(epipolar_residuals(fit.pose, fit.points)) < CUTOFF * float(np.hypot(noise.level, noise.shared))
-    return measured if measured.aside is None else replace(measured, aside=measured.aside & ~near)
+    aside = fit.measured.aside
+    return fit.measured if aside is None else replace(fit.measured, aside=aside & ~agreeing(fit))

@@ -22,7 +22,7 @@ from retrue.recalibration.rays import Rays
 
 FEWEST_OF_A_PART = 15
 MOST_DEVIATIONS = 6.0  # of a capture from the others' pose
-A_COPY, IN_A_MIRROR = "a shifted copy", "points in a mirror"
+A_COPY, IN_A_MIRROR, ELSEWHERE = "a shifted copy", "points in a mirror", "elsewhere"
 FEWEST_OF_A_COPY = 6  # what its price is paid by; what one shift puts in place along both axes is no chance
 MOST_COPIED, MOST_COPIES = 3, 3  # planes, the largest; and copies of them
 ROUGH_STEP, STEPPED = 0.1, 8  # of a step, by which perspective makes it differ at first; and fits of it
@@ -74,21 +74,21 @@ class Part:
 
 def unexplained(posterior: Posterior) -> BoolArray:
     """(N,) points that the pose does not explain."""
-    noise = posterior.fit.epipolar_noise
-    level = float(np.hypot(noise.level, noise.shared))
+    level = posterior.fit.epipolar_noise.total
     wrong = ~(np.abs(posterior.fit.found.epipolar) < CUTOFF * level)
     return wrong | behind(posterior.pose, posterior.points, level)
 
 
+def agreeing(posterior: Posterior) -> BoolArray:
+    """(N,) points on their epipolar lines, also those that are set aside."""
+    missed = epipolar_residuals(posterior.pose, posterior.points)
+    return np.abs(missed) < CUTOFF * posterior.fit.epipolar_noise.total
+
+
 def agreeing_with_both(posterior: Posterior, parts: Sequence[Part | None]) -> BoolArray:
     """(N,) points set aside as some of another pose that agree with this one, too: they contradict neither."""
-    noise = posterior.fit.epipolar_noise
-    missed = epipolar_residuals(posterior.pose, posterior.points)
-    both = np.zeros(len(missed), dtype=np.bool_)
-    for part in parts:
-        if part is not None and part.essential is not None:
-            both |= part.rows & (np.abs(missed) < CUTOFF * float(np.hypot(noise.level, noise.shared)))
-    return both
+    rows = [part.rows for part in parts if part is not None and part.essential is not None]
+    return agreeing(posterior) & np.any([np.zeros(len(posterior.points), dtype=np.bool_), *rows], axis=0)
 
 
 def homography_residuals(points: TwoViewPoints, homographies: Sequence[FloatArray]) -> FloatArray:
@@ -128,8 +128,7 @@ def shifted_copy(posterior: Posterior, outside: BoolArray) -> Part | None:
     camera, projector = measured.rig.camera, measured.rig.projector
     focal = projector.K[0, 0]
     sigma = np.hypot(points.camera_sigma[rows] * camera.K[0, 0], points.projector_sigma[rows] * focal)
-    along = posterior.fit.along_noise
-    noise = 4 * float(quantile(sigma, 0.5) * np.hypot(along.level, along.shared))
+    noise = 4 * float(quantile(sigma, 0.5) * posterior.fit.along_noise.total)
     x = np.column_stack([points.camera_rays[rows], np.ones(len(rows))])
     y = np.column_stack([points.projector_rays[rows], np.ones(len(rows))])
     found: list[tuple[BoolArray, FloatArray, int, int]] = []
@@ -267,7 +266,7 @@ def other_part(posterior: Posterior, outside: BoolArray, rng: np.random.Generato
     if len(rows) < FEWEST_OF_A_PART:
         return None
     points = posterior.points.select(rows)
-    noise = _noise(points, np.hypot(posterior.fit.epipolar_noise.level, posterior.fit.epipolar_noise.shared))
+    noise = _noise(points, posterior.fit.epipolar_noise.total)
     scored = rng.permutation(len(rows))[:600]
     across, down = (np.argsort(axis) for axis in points.camera_rays.T)
 

@@ -117,7 +117,7 @@ def _evidence(rig: Rig, judgement: Judgement, total: int, options: RecalibrateOp
             "planes": len(fit.pose.planes),
             "noise_px": fit.epipolar_noise.level,
             "shared_noise_px": fit.epipolar_noise.shared,
-            "planarity_px": float(np.hypot(fit.along_noise.level, fit.along_noise.shared)),
+            "planarity_px": fit.along_noise.total,
         },
     )
 

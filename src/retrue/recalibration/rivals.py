@@ -195,9 +195,8 @@ def hidden(posterior: Posterior) -> BoolArray:
     # A disparity rho moves what the projector sees by about |t - y t3| / depth: its noise is that of a ray over it.
     t, y = posterior.pose.t, posterior.points.projector_rays
     parallax = np.maximum(np.hypot(t[0] - y[:, 0] * t[2], t[1] - y[:, 1] * t[2]), 1e-12)
-    noise = posterior.fit.along_noise
     sigma = np.hypot(posterior.points.camera_sigma, posterior.points.projector_sigma)
-    sigma = sigma * float(np.hypot(noise.level, noise.shared)) / parallax
+    sigma = sigma * posterior.fit.along_noise.total / parallax
     foreign = np.zeros(len(plane), dtype=np.int64)
     for other in neighbours.T:
         elsewhere = there & there[other] & (plane[other] != plane)
