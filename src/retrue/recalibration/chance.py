@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from math import erfc, exp, log, pi, sqrt
+from typing import Any
 
 import numpy as np
 
@@ -15,11 +16,11 @@ from retrue.recalibration.fit import PoseFit
 CHANCE = 3.5  # standard deviations of a sum over points that are there by chance
 AGREES, FAR = 3.0, 30.0  # sigma from the epipolar line: where right points lie, and where wrong ones do, too
 MOST_NEAR = 0.5  # of the points that are asked: so many agree with a pose by no chance
-WIDE = 120.0  # sigma: how deep few wrong matches lie, more of them tell
-FEWEST_INTERVALS = 2  # of inverse depth; fewer wrong matches tell of no depth
+WIDE, ENOUGH = 120.0, 100  # sigma; matches: how deep few wrong ones lie, so many more of them tell
 NEIGHBOURS = 4
-MOST_STRAYS = 2  # where one is expected: of no more than two, the half or more are there by chance
+ODDS = 2.0  # of chance over what the others explain
 CHANCE_NATS = 12.0  # what five free parameters find among points that lie anywhere
+TINY = 1e-300
 
 
 def without_chance(fit: PoseFit, aside: BoolArray | None) -> PoseFit:
@@ -37,7 +38,7 @@ def without_chance(fit: PoseFit, aside: BoolArray | None) -> PoseFit:
     if 0 < chance < near < MOST_NEAR * np.count_nonzero(asked):
         chance = max(chance, lined_up(fit.found.epipolar[asked] / fit.epipolar_noise.level))
     silent = aside
-    if not (near > chance and near * np.log(near / chance) - (near - chance) > CHANCE_NATS):
+    if not (near > chance and nats_beyond_chance(near, chance) > CHANCE_NATS):
         silent = free if aside is None else free | aside
     if silent is None or not silent.any():
         return fit
@@ -85,26 +86,66 @@ def strays(fit: PoseFit, aside: BoolArray | None) -> BoolArray:
 
     Few wrong matches do, but where they make a depth that nothing near them has, they turn the pose more than all right
     points: nothing else holds it there. Those further from their lines say how many to expect at which inverse depth,
-    over what the neighbours of a point have (Efron's local false discovery rate, 2001): in intervals where one is
-    expected, two or fewer are none. Nor is any point behind a device.
+    over what the most alike neighbour of a point has: `outlying`. Nor is any point behind a device.
     """
     free = fit.points.plane_index == FREE
     asked = np.flatnonzero(free if aside is None else free & ~aside)
     relative = np.abs(fit.found.epipolar[asked]) / fit.epipolar_noise.level
-    near, beyond = asked[relative < CUTOFF], asked[(relative >= CUTOFF) & (relative < WIDE)]
+    inverse_depth = _inverse_depths(fit)
+    near, far = asked[relative < CUTOFF], np.sort(relative[relative >= CUTOFF])
     found = np.zeros(len(free), dtype=np.bool_)
     found[near] = behind(fit.pose, fit.points, fit.epipolar_noise.level)[near]
-    each = round((WIDE - CUTOFF) / CUTOFF)  # so many beyond for one that is expected
-    if len(beyond) < FEWEST_INTERVALS * each or len(near) < 2 * NEIGHBOURS:
+    if len(far) == 0 or len(near) < 2 * NEIGHBOURS:
         return found
-    x, inverse_depth = fit.points.camera_rays, _inverse_depths(fit)
+    reach = max(WIDE, float(far[:ENOUGH][-1]))
+    beyond = asked[(relative >= CUTOFF) & (relative <= reach) & (inverse_depth[asked] > 0)]
+    x = fit.points.camera_rays
     own = nearest_of_all(x[near], x[near], NEIGHBOURS + 1)[1][:, 1:]
-    over = inverse_depth[near] - np.median(inverse_depth[near][own], axis=1)
     others = nearest_of_all(x[near], x[beyond], NEIGHBOURS)[1]
-    wrong = np.sort(inverse_depth[beyond] - np.median(inverse_depth[near][others], axis=1))
-    interval = np.searchsorted(wrong[each::each], over)
-    found[near] |= np.bincount(interval)[interval] <= MOST_STRAYS
+    over = _over_most_alike(inverse_depth[near], inverse_depth[near][own])
+    wrong = _over_most_alike(inverse_depth[beyond], inverse_depth[near][others])
+    share = CUTOFF / (reach - CUTOFF)
+    for side in (1, -1):
+        found[near] |= outlying(side * over, side * wrong, share)
     return found
+
+
+def nats_beyond_chance(found: Any, expected: Any) -> Any:
+    """Log likelihood ratio of that many, of whatever origin, over as many as chance leads to expect (Poisson).
+
+    >>> float(nats_beyond_chance(3.0, 3.0)), round(float(nats_beyond_chance(4.0, 1.0)), 2)
+    (0.0, 2.55)
+    """
+    return found * np.log(found / np.maximum(expected, TINY)) - (found - expected)
+
+
+def outlying(over: FloatArray, wrong: FloatArray, share: float) -> BoolArray:
+    """(N,) the outermost of `over`, of which chance explains more than the others do; of it, `share` of `wrong` is due.
+
+    Right points thin out outwards at least as the square of their distance, which is known from the next one inwards:
+    a few that stand off by themselves are there by chance, if chance can make so many.
+
+    >>> right, wrong = np.array([0.01, -0.02, 0.03, 0.9]), np.linspace(0.0, 2.0, 20)
+    >>> outlying(right, wrong, 0.02).tolist()
+    [False, False, False, True]
+    """
+    order = np.argsort(-over)
+    out = over[order]
+    out = out[: int(np.searchsorted(-out, 0.0))]  # on this side
+    count = np.arange(1, len(out) + 1)
+    expected = share * (len(wrong) - np.searchsorted(np.sort(wrong), out))
+    inwards = np.append(out[1:], 0.0)[: len(out)]
+    right = (count + 1) * (inwards / out) ** 2
+    there = (ODDS * right < expected) & (nats_beyond_chance(count, expected) < CHANCE_NATS)
+    found = np.zeros(len(over), dtype=np.bool_)
+    found[order[: int(np.max(count[there], initial=0))]] = True
+    return found
+
+
+def _over_most_alike(inverse_depth: FloatArray, neighbours: FloatArray) -> FloatArray:
+    """(N,) how much larger an inverse depth is than that of its `neighbours` (N, K) which is most like it."""
+    over = inverse_depth[:, None] - neighbours
+    return np.take_along_axis(over, np.abs(over).argmin(axis=1)[:, None], axis=1)[:, 0]
 
 
 def _inverse_depths(fit: PoseFit) -> FloatArray:
