@@ -80,8 +80,8 @@ def _recalibrate(
     sigma = evidence.sigma
     stated = np.array([sigma.rotation_deg, sigma.translation_deg]) if sigma else np.zeros(2)
     # The rig that is handed back must be right; how exact and how honest we are, the pose that was found tells.
-    error, off = _off(evidence.pose or result.rig.projector_from_camera, case)
-    _, left = _off(result.rig.projector_from_camera, case)
+    error, off = _off(evidence.pose or result.rig.projector_from_camera, case, stated)
+    _, left = _off(result.rig.projector_from_camera, case, stated)
     right = ((left <= WRONG_DEG) | (left <= WRONG_SIGMAS * stated)).all()
     verdict = result.verdict if right else "wrong"
     covariance = evidence.details.get("covariance")
@@ -97,11 +97,12 @@ def _recalibrate(
     }
 
 
-def _off(pose: retrue.RigidTransform, case: Case) -> tuple[Array, Array]:
-    """Error (5,) from the nearest truth, radians; degrees of rotation and of the direction of t."""
-    errors = [pose_error(pose.R, pose.t, truth) for truth in case.truths]
-    error = min(errors, key=lambda e: float(np.abs(e).max()))
-    return error, np.degrees([np.linalg.norm(error[:3]), np.linalg.norm(error[3:])])
+def _off(pose: retrue.RigidTransform, case: Case, sigma: Array) -> tuple[Array, Array]:
+    """Error (5,) from the nearest truth in its sigma, radians; degrees of rotation and of the direction of t."""
+    errors = np.array([pose_error(pose.R, pose.t, truth) for truth in case.truths])
+    off = np.degrees([[np.linalg.norm(error[:3]), np.linalg.norm(error[3:])] for error in errors])
+    nearest = int((off / np.maximum(sigma, 1e-9)).max(axis=1).argmin())
+    return errors[nearest], off[nearest]
 
 
 def _lens_answer(lens: Any) -> str:

@@ -1,4 +1,4 @@
-"""By how much points contradict a pose, whether or not they know a better one."""
+"""By how much points contradict a pose, whether or not they know a better one; and which capture does."""
 
 from __future__ import annotations
 
@@ -6,10 +6,17 @@ from dataclasses import replace
 
 import numpy as np
 
+from retrue.errors import DegenerateError
 from retrue.geometry.arrays import FloatArray
 from retrue.geometry.two_view import TwoViewPose, planes_of_pose
-from retrue.recalibration.fit import chi_square
-from retrue.recalibration.posterior import PosePrior, Posterior, Prior, fit_posterior
+from retrue.recalibration.fit import chi_square, squared_sigmas
+from retrue.recalibration.measured import Measured
+from retrue.recalibration.parts import FEWEST_OF_A_PART
+from retrue.recalibration.posterior import PosePrior, Posterior, Prior, fit_posterior, posterior_at
+from retrue.recalibration.rays import Rays
+from retrue.recalibration.slow_errors import taken_up
+
+MOST_DEVIATIONS = 6.0  # of a capture from the others' pose
 
 
 def contradiction(answer: Posterior, pose: TwoViewPose, covariance: FloatArray) -> float:
@@ -30,3 +37,34 @@ def contradiction(answer: Posterior, pose: TwoViewPose, covariance: FloatArray) 
         lost = chi_square(fit.fit, best.fit) - chi_square(best.fit, best.fit)
         ratios.append(float(lost.sum()) + fit.prior_cost - best.prior_cost)
     return float(np.sqrt(max(min(ratios), 0.0)))
+
+
+def differing_capture(measured: Measured, rays: Rays, answer: Posterior) -> tuple[int, float] | None:
+    """The capture that contradicts the joint pose the most, in its own sigma; None where there is only one.
+
+    By its own pose's distance, and by what its points say of the joint one, whichever is less. Its own pose is sought
+    as if no two points shared an error: what another pose leaves there would else be taken for one. A slow error that
+    it takes up so, is its own. Infinitely far is one that was set aside whole: hardly a point of it agrees with the
+    joint pose.
+    """
+    captures = int(rays.capture.max()) + 1
+    if captures < 2:
+        return None
+    prior = replace(answer.prior, kept=None, together=None)  # each follows the lenses' errors in its own way
+    furthest = (0, 0.0)
+    for capture in range(captures):
+        mine = rays.capture == capture
+        if np.count_nonzero(mine & answer.fit.explained) < FEWEST_OF_A_PART <= np.count_nonzero(mine):
+            return capture, np.inf
+        part = replace(measured, aside=None).select(mine)  # all of them may be of another pose
+        apart = replace(part, support=part.support.each_alone())
+        try:
+            own = posterior_at(part, fit_posterior(apart, answer.parameters, prior, 6).parameters, prior)
+            deviations = float(np.sqrt(squared_sigmas(answer.pose, own.pose, own.covariance + taken_up(own))))
+            if deviations > MOST_DEVIATIONS:
+                deviations = min(deviations, contradiction(own, answer.pose, answer.covariance))
+        except DegenerateError:  # it says nothing by itself
+            continue
+        if deviations > furthest[1]:
+            furthest = capture, deviations
+    return furthest

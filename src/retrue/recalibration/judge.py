@@ -31,6 +31,7 @@ from retrue.recalibration.candidates import (
 )
 from retrue.recalibration.chance import deviations_limit
 from retrue.recalibration.consensus import quieter_majorities
+from retrue.recalibration.contradiction import MOST_DEVIATIONS, differing_capture
 from retrue.recalibration.fit import Support, carried, own_pose, squared_sigmas
 from retrue.recalibration.hypotheses import hypothesis, without_parts
 from retrue.recalibration.lens import LENS_NAMES, LENS_PARAMETERS, stated_prior, wide_prior
@@ -41,11 +42,9 @@ from retrue.recalibration.options import RecalibrateOptions
 from retrue.recalibration.parts import (
     FEWEST_OF_A_PART,
     IN_A_MIRROR,
-    MOST_DEVIATIONS,
     Part,
     agreeing_with_both,
     belongs_to,
-    differing_capture,
     homography_residuals,
     most_unexplained,
     other_part,

@@ -7,7 +7,6 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from retrue.errors import DegenerateError
 from retrue.geometry.arrays import BoolArray, FloatArray, IntArray
 from retrue.geometry.five_points import best_essentials, sampson_squares
 from retrue.geometry.robust import CUTOFF, biweight_level, quantile, within_reach_of_mode
@@ -15,13 +14,9 @@ from retrue.geometry.two_view import FREE, POSE_PARAMETERS, TwoViewPoints, epipo
 from retrue.kernels import robust as robust_kernel
 from retrue.kernels import triangulation as kernel
 from retrue.recalibration.candidates import behind
-from retrue.recalibration.contradiction import contradiction
-from retrue.recalibration.fit import squared_sigmas
-from retrue.recalibration.posterior import Measured, Posterior, fit_posterior
-from retrue.recalibration.rays import Rays
+from retrue.recalibration.posterior import Measured, Posterior
 
 FEWEST_OF_A_PART = 15
-MOST_DEVIATIONS = 6.0  # of a capture from the others' pose
 A_COPY, IN_A_MIRROR, ELSEWHERE = "a shifted copy", "points in a mirror", "elsewhere"
 FEWEST_OF_A_COPY = 6  # what its price is paid by; what one shift puts in place along both axes is no chance
 MOST_COPIED, MOST_COPIES = 3, 3  # planes, the largest; and copies of them
@@ -353,34 +348,6 @@ def _of_another_pose(part: Part, outside: BoolArray) -> bool:
     """Whether it is a part of what is unexplained, larger than chance makes: else its pose is the hypothesis' own."""
     fewest = max(FEWEST_OF_A_PART, SHARE_OF_A_PART * int(np.count_nonzero(outside)))
     return int(np.count_nonzero(part.rows & outside)) >= fewest
-
-
-def differing_capture(measured: Measured, rays: Rays, answer: Posterior) -> tuple[int, float] | None:
-    """The capture that contradicts the joint pose the most, in its own sigma; None where there is only one.
-
-    By its own pose's distance, and by what its points say of the joint one, whichever is less. Infinitely far is one
-    that was set aside whole: hardly a point of it agrees with the joint pose.
-    """
-    captures = int(rays.capture.max()) + 1
-    if captures < 2:
-        return None
-    prior = replace(answer.prior, kept=None, together=None)  # each follows the lenses' errors in its own way
-    furthest = (0, 0.0)
-    for capture in range(captures):
-        mine = rays.capture == capture
-        if np.count_nonzero(mine & answer.fit.explained) < FEWEST_OF_A_PART <= np.count_nonzero(mine):
-            return capture, np.inf
-        part = replace(measured, aside=None).select(mine)  # all of them may be of another pose
-        try:
-            own = fit_posterior(part, answer.parameters, prior, 4)
-            deviations = float(np.sqrt(squared_sigmas(answer.pose, own.pose, own.covariance)))
-            if deviations > MOST_DEVIATIONS:
-                deviations = min(deviations, contradiction(own, answer.pose, answer.covariance))
-        except DegenerateError:  # it says nothing by itself
-            continue
-        if deviations > furthest[1]:
-            furthest = capture, deviations
-    return furthest
 
 
 def _sigma(points: TwoViewPoints) -> FloatArray:
