@@ -10,7 +10,7 @@ import pytest
 from retrue.correspondences import Correspondences
 from retrue.geometry.arrays import BoolArray
 from retrue.geometry.two_view import TwoViewPose
-from retrue.recalibration.chance import strays
+from retrue.recalibration.chance import outlying, strays
 from retrue.recalibration.fit import PoseFit, Support, evaluate, squared_sigmas
 from retrue.recalibration.rays import rays_of_captures
 from retrue.recalibration.recalibrate import recalibrate
@@ -68,3 +68,15 @@ def test_half_of_the_matches_wrong_leave_sigma_honest(scene: Scene, noise: float
     pose = result.rig.projector_from_camera
     found = TwoViewPose(pose.R, pose.t / np.linalg.norm(pose.t))
     assert squared_sigmas(TRUE, found, np.array(result.evidence.details["covariance"])) < 20.5  # once in a thousand
+
+
+def test_points_that_stand_off_by_themselves_are_strays_if_chance_can_make_so_many() -> None:
+    rng = np.random.default_rng(0)
+    right = rng.normal(0, 0.01, 1000)
+    wrong = np.linspace(0, 2, 200)
+    few = outlying(np.append(right, [0.5, 0.9]), wrong, 0.005)
+    assert few[1000:].all()
+    assert not few[:1000].any()
+    many = np.append(right, rng.uniform(0.5, 0.9, 60))  # an object before the others
+    assert not outlying(many, wrong, 0.005).any()
+    assert not outlying(np.append(right, [0.5, 0.9]), wrong, 1e-7).any()  # hardly a match is wrong

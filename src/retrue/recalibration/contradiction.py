@@ -40,31 +40,43 @@ def contradiction(answer: Posterior, pose: TwoViewPose, covariance: FloatArray) 
 
 
 def differing_capture(measured: Measured, rays: Rays, answer: Posterior) -> tuple[int, float] | None:
-    """The capture that contradicts the joint pose the most, in its own sigma; None where there is only one.
+    """The capture that contradicts the joint pose, or that of the others, the most, in sigma; None where there is one.
 
-    By its own pose's distance, and by what its points say of the joint one, whichever is less. Its own pose is sought
-    as if no two points shared an error: what another pose leaves there would else be taken for one. A slow error that
-    it takes up so, is its own. Infinitely far is one that was set aside whole: hardly a point of it agrees with the
-    joint pose.
+    Infinitely far is one that was set aside whole: hardly a point of it agrees with the joint pose.
     """
     captures = int(rays.capture.max()) + 1
     if captures < 2:
         return None
-    prior = replace(answer.prior, kept=None, together=None)  # each follows the lenses' errors in its own way
     furthest = (0, 0.0)
     for capture in range(captures):
         mine = rays.capture == capture
         if np.count_nonzero(mine & answer.fit.explained) < FEWEST_OF_A_PART <= np.count_nonzero(mine):
             return capture, np.inf
-        part = replace(measured, aside=None).select(mine)  # all of them may be of another pose
-        apart = replace(part, support=part.support.each_alone())
         try:
-            own = posterior_at(part, fit_posterior(apart, answer.parameters, prior, 6).parameters, prior)
-            deviations = float(np.sqrt(squared_sigmas(answer.pose, own.pose, own.covariance + taken_up(own))))
-            if deviations > MOST_DEVIATIONS:
-                deviations = min(deviations, contradiction(own, answer.pose, answer.covariance))
+            # all points of a capture may be of another pose, but not what the answer has set aside of the others
+            own = _own_pose(replace(measured, aside=None).select(mine), answer)
+            others = _own_pose(measured.select(~mine), answer)
         except DegenerateError:  # it says nothing by itself
             continue
+        theirs = others.covariance + taken_up(others)
+        deviations = max(_apart(own, answer.pose, answer.covariance, 0.0), _apart(own, others.pose, theirs, theirs))
         if deviations > furthest[1]:
             furthest = capture, deviations
     return furthest
+
+
+def _own_pose(measured: Measured, answer: Posterior) -> Posterior:
+    """Of some captures, sought as if no two points shared an error: what another pose leaves would be taken for one."""
+    prior = replace(answer.prior, kept=None, together=None)  # each follows the lenses' errors in its own way
+    apart = replace(measured, support=measured.support.each_alone())
+    return posterior_at(measured, fit_posterior(apart, answer.parameters, prior, 6).parameters, prior)
+
+
+def _apart(own: Posterior, pose: TwoViewPose, covariance: FloatArray, besides: FloatArray | float) -> float:
+    """In sigma: by how far its own pose is off another, and by what its points say of that, whichever is less.
+
+    `besides` its own covariance, with the slow errors that it takes up, is that of the distance.
+    """
+    distance = own.covariance + taken_up(own) + besides
+    deviations = float(np.sqrt(squared_sigmas(pose, own.pose, distance)))
+    return min(deviations, contradiction(own, pose, covariance)) if deviations > MOST_DEVIATIONS else deviations
