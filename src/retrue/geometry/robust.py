@@ -14,6 +14,7 @@ from typing import cast
 import numpy as np
 
 from retrue.geometry.arrays import BoolArray, FloatArray, IntArray
+from retrue.kernels import copies
 from retrue.kernels import robust as kernel
 
 MAD_TO_SIGMA = 1.4826
@@ -226,6 +227,7 @@ def within_reach_of_mode(places: FloatArray, centres: int, reach: float) -> Bool
     >>> within_reach_of_mode(np.array([[0.0, 0.0], [5.0, 5.0], [5.1, 4.9]]), 3, 0.2).tolist()
     [False, True, True]
     """
-    places = np.ascontiguousarray(places)
-    centre = places[kernel.mode(places, max(1, len(places) // centres), reach)]
-    return np.abs(places - centre).max(axis=1) < reach
+    members = np.empty(len(places), dtype=np.bool_)
+    every = max(1, len(places) // centres)
+    copies.within_reach_of_mode(np.ascontiguousarray(places.T), every, reach, members.view(np.uint8))
+    return members
