@@ -1,6 +1,7 @@
 """The kernel says what it says uncompiled, and what NumPy says."""
 
 import numpy as np
+import pytest
 
 from retrue.kernels import copies
 from tests.kernels.plain import plain
@@ -8,17 +9,25 @@ from tests.kernels.plain import plain
 KERNELS = copies, plain("copies")
 
 
-def test_what_lies_within_reach_of_the_mode() -> None:
-    places = np.random.default_rng(2).normal(size=(2, 50))
-    places[:, 3] = np.nan
-    every, reach = 3, 0.6
-    near = (np.abs(places[:, :, None] - places[:, None]) < reach).all(axis=0)
+@pytest.mark.parametrize("strips", [2, 7, 64])
+@pytest.mark.parametrize("reach", [0.02, 0.6, 30.0])
+def test_what_lies_within_reach_of_the_mode(strips: int, reach: float) -> None:
+    rng = np.random.default_rng(2)
+    places = np.concatenate([rng.normal(size=(2, 50)), rng.integers(0, 4, (2, 50)) * reach], axis=1)
+    places[:, 3], places[0, 7], places[0, 12] = np.nan, np.inf, -np.inf
+    every = 3
+    with np.errstate(invalid="ignore"):
+        near = (np.abs(places[:, :, None] - places[:, None]) < reach).all(axis=0)
     expected = near[every * int(np.argmax(near[::every].sum(axis=1)))]
     for kernel in KERNELS:
-        members = np.zeros(50, dtype=np.uint8)
-        kernel.within_reach_of_mode(places, every, reach, members)
+        room = np.empty(strips + 2, dtype=np.int64), np.empty((2, 100))
+        members = np.zeros(100, dtype=np.uint8)
+        kernel.within_reach_of_mode(places, every, reach, *room, members)
         np.testing.assert_array_equal(members, expected)
-        kernel.within_reach_of_mode(places[:, :0].copy(), every, reach, members[:0])  # of none, none is
+        kernel.within_reach_of_mode(places[:, :0].copy(), every, reach, *room, members[:0])  # of none, none is
+        lost = np.full((2, 5), np.nan)
+        kernel.within_reach_of_mode(lost, 1, reach, *room, members[:5])
+        assert not members[:5].any()
 
 
 def test_the_step_that_puts_a_point_where_it_is() -> None:

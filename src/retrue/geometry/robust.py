@@ -29,6 +29,7 @@ SMALLEST_LEVEL = 1e-9  # of the nominal sigma: exact points
 STEPS = 4
 FEWEST_OF_A_BLOCK = 3.0  # points that tell what it shares
 ENOUGH_VALUES = 4000  # to start from
+STRIPS = 64
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -229,5 +230,6 @@ def within_reach_of_mode(places: FloatArray, centres: int, reach: float) -> Bool
     """
     members = np.empty(len(places), dtype=np.bool_)
     every = max(1, len(places) // centres)
-    copies.within_reach_of_mode(np.ascontiguousarray(places.T), every, reach, members.view(np.uint8))
+    room = np.empty(STRIPS + 2, dtype=np.int64), np.empty((2, len(places)))
+    copies.within_reach_of_mode(np.ascontiguousarray(places.T), every, reach, *room, members.view(np.uint8))
     return members
