@@ -23,7 +23,7 @@ static: .venv/dev.stamp .venv/run.stamp
 	$(BIN)/pyright --pythonpath $(BIN)/python
 
 # Files go whole to one process, so that what a module's tests share is made once; linear algebra has one core each.
-# In their own order: sorted by their number of tests, the browsers' few and long ones would come last, on one core.
+# In their own order, but the longest first (conftest.py): by number of tests, the few and long ones would come last.
 dynamic: .venv/dev.stamp .venv/run.stamp
 	OPENBLAS_NUM_THREADS=1 $(BIN)/pytest --numprocesses=2 --dist=loadfile --no-loadscope-reorder $(PYTEST)
 

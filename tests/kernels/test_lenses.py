@@ -62,3 +62,20 @@ def test_rays_that_a_lens_distorts_and_back() -> None:
         y * radial + 2 * p2 * x * y + p1 * (r2 + 2 * y * y) + s3 * r2 + s4 * r2**2,
     ]
     np.testing.assert_allclose(distorted[0, 2:].T, expected, rtol=1e-13)
+
+
+@pytest.mark.parametrize("coefficients", [0, 5, 12])
+def test_pixels_of_points(coefficients: int) -> None:
+    device = Camera((1280, 960), [[1500, 2, 640], [0, 1490, 480], [0, 0, 1]], LENS[:coefficients])
+    points, found = np.random.default_rng(4).uniform([-0.5, -0.4, 0.8], [0.5, 0.4, 1.5], (30, 3)), []
+    points[:3, 2] = [0.0, -1.0, np.nan]
+    lens = np.append(device.distortion, np.zeros(12 - len(device.distortion)))
+    for kernel in (lenses, plain("lenses")):
+        pixels = np.zeros((30, 2))
+        kernel.project(device.K, lens, coefficients > 0, points, pixels)
+        found.append(pixels)
+    np.testing.assert_array_equal(found[0], found[1])
+    assert np.isnan(found[0][:3]).all()
+    expected = device.pixels_from_rays(points[3:, :2] / points[3:, 2:])
+    np.testing.assert_allclose(found[0][3:], expected, rtol=1e-14)
+    np.testing.assert_array_equal(device.project(points), found[0])

@@ -94,11 +94,9 @@ def _trial(cell: Cell, rng: np.random.Generator) -> FloatArray:
     literal = paper_pose_candidates(H)
     mirrored = tuple(PlanarPose(pose.R, -pose.translation_over_distance, -pose.normal) for pose in literal)
     ours = planar_pose_candidates(H, [*camera.mean(axis=0), 1.0])
-    seen = (
-        [pose for pose in literal if _triangulates_in_front(pose, camera, projector)],
-        [pose for pose in literal + mirrored if _triangulates_in_front(pose, camera, projector)],
-        [pose for pose in ours if in_front(pose, camera).all()],
-    )
+    as_written = [pose for pose in literal if _triangulates_in_front(pose, camera, projector)]
+    other_sign = [pose for pose in mirrored if _triangulates_in_front(pose, camera, projector)]
+    seen = as_written, as_written + other_sign, [pose for pose in ours if in_front(pose, camera).all()]
     return np.array([_count(poses, truth) for poses in seen], dtype=np.float64)
 
 

@@ -62,8 +62,10 @@ class Camera(ByValue, ShortRepr):
     def project(self, points: ArrayLike) -> FloatArray:
         """Pixels (..., 2) of points (..., 3) of the camera's frame; NaN at or behind the camera (Z <= 0)."""
         points = np.asarray(points, dtype=np.float64)
-        depth = np.where(points[..., 2:] > 0, points[..., 2:], np.nan)
-        return self.pixels_from_rays(points[..., :2] / depth)
+        pixels = np.empty((*points.shape[:-1], 2))
+        lens = self._coefficients, bool(self.distortion.any())
+        kernel.project(self.K, *lens, np.ascontiguousarray(points).reshape(-1, 3), pixels.reshape(-1, 2))
+        return pixels
 
     def unproject(self, pixels: ArrayLike) -> FloatArray:
         """Undistorted normalised rays (..., 2), (X / Z, Y / Z), of pixels (..., 2); NaN where no ray maps there."""

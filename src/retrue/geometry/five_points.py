@@ -104,8 +104,8 @@ def best_essentials(
     return distinct
 
 
-def sampson_squares(E: FloatArray, x: FloatArray, y: FloatArray) -> FloatArray:
-    """(N,) squared Sampson distance of N matches to an essential matrix (3, 3)."""
-    squares = np.empty(len(x))
+def sampson_squares(E: FloatArray, x: FloatArray, y: FloatArray, out: FloatArray | None = None) -> FloatArray:
+    """(N,) squared Sampson distance of N matches to an essential matrix (3, 3), into `out` if that is given."""
+    squares = np.empty(len(x)) if out is None else out
     kernel.sampson_squares(E, np.ascontiguousarray(x), np.ascontiguousarray(y), squares)
     return squares

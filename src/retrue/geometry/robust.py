@@ -14,6 +14,7 @@ from typing import cast
 import numpy as np
 
 from retrue.geometry.arrays import BoolArray, FloatArray, IntArray
+from retrue.kernels import copies
 from retrue.kernels import robust as kernel
 
 MAD_TO_SIGMA = 1.4826
@@ -28,6 +29,7 @@ SMALLEST_LEVEL = 1e-9  # of the nominal sigma: exact points
 STEPS = 4
 FEWEST_OF_A_BLOCK = 3.0  # points that tell what it shares
 ENOUGH_VALUES = 4000  # to start from
+STRIPS = 64
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -226,6 +228,8 @@ def within_reach_of_mode(places: FloatArray, centres: int, reach: float) -> Bool
     >>> within_reach_of_mode(np.array([[0.0, 0.0], [5.0, 5.0], [5.1, 4.9]]), 3, 0.2).tolist()
     [False, True, True]
     """
-    places = np.ascontiguousarray(places)
-    centre = places[kernel.mode(places, max(1, len(places) // centres), reach)]
-    return np.abs(places - centre).max(axis=1) < reach
+    members = np.empty(len(places), dtype=np.bool_)
+    every = max(1, len(places) // centres)
+    room = np.empty(STRIPS + 2, dtype=np.int64), np.empty((2, len(places)))
+    copies.within_reach_of_mode(np.ascontiguousarray(places.T), every, reach, *room, members.view(np.uint8))
+    return members

@@ -80,6 +80,30 @@ def distort(
             distorted[k, 0], distorted[k, 1] = x * terms.radial + terms.x, y * terms.radial + terms.y
 
 
+def project(
+    K: cython.const[cython.double][:, ::1],
+    lens: cython.const[cython.double][::1],
+    distorts: cython.bint,
+    points: cython.const[cython.double][:, ::1],
+    pixels: cython.double[:, ::1],
+) -> None:
+    """`pixels` (N, 2) <- of points (N, 3) through K (3, 3), and a lens of twelve coefficients if it `distorts`.
+
+    NaN of points that are not before the device.
+    """
+    cython.declare(k=cython.Py_ssize_t)
+    with cython.nogil:
+        for k in range(points.shape[0]):
+            if not points[k, 2] > 0:
+                pixels[k, 0], pixels[k, 1] = NAN, NAN
+                continue
+            x, y = points[k, 0] / points[k, 2], points[k, 1] / points[k, 2]
+            if distorts:
+                terms = _terms(lens, x, y)
+                x, y = x * terms.radial + terms.x, y * terms.radial + terms.y
+            pixels[k, 0], pixels[k, 1] = K[0, 0] * x + K[0, 1] * y + K[0, 2], K[1, 1] * y + K[1, 2]
+
+
 def undistort(
     lens: cython.const[cython.double][::1],
     distorted: cython.const[cython.double][:, ::1],

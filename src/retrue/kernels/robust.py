@@ -304,21 +304,6 @@ def loss(
     return total * level * level * cutoff * cutoff / 3
 
 
-def mode(places: cython.const[cython.double][:, ::1], every: cython.Py_ssize_t, reach: cython.double) -> int:
-    """Which one of every so many places (N, 2) has the most others within reach along both axes; the first of them."""
-    cython.declare(i=cython.Py_ssize_t, k=cython.Py_ssize_t)
-    best: cython.Py_ssize_t = 0
-    most: cython.Py_ssize_t = -1
-    for i in range(0, places.shape[0], every):
-        x, y = places[i, 0], places[i, 1]
-        count: cython.Py_ssize_t = 0
-        for k in range(places.shape[0]):
-            count += fabs(places[k, 0] - x) < reach and fabs(places[k, 1] - y) < reach
-        if count > most:
-            most, best = count, i
-    return best
-
-
 def of_one_step(
     places: cython.const[cython.double][:, ::1],
     forth: cython.const[cython.double][:, ::1],

@@ -15,6 +15,7 @@ from retrue.geometry.robust import biweight_level, gather_weights
 from retrue.geometry.two_view import TwoViewPose, planes_of_pose
 from retrue.recalibration.candidates import MOST, twins_of_planes
 from retrue.recalibration.lens import LensPrior
+from retrue.recalibration.likelihood import with_misfit
 from retrue.recalibration.measured import MISFIT_PX
 from retrue.recalibration.parts import (
     ELSEWHERE,
@@ -29,6 +30,7 @@ from retrue.recalibration.posterior import Measured, Parameters, Posterior, Prio
 from retrue.recalibration.rivals import PARAMETER, RARE, plane_levels, total_costs
 
 GATHERED = 15  # steps
+DRAWN_IN = 1e-10  # of a squared sigma: what follows is settled long before
 SETTLED = 15  # likewise
 MOVES = 30.0  # of chi-square, by which lenses that move must be better; by chance eight numbers gain it once in 5000
 LEAST_LEFT = 0.05  # of the points, as many as a plane holds at least
@@ -61,7 +63,7 @@ class Hypothesis:
     def _with_misfit(self) -> list[Posterior]:
         """Both as they are compared: what no lens explains of a real one is a rival of lenses that move."""
         forms = [fit for fit in (self.fixed, self.moved) if fit is not None]
-        return [posterior_at(replace(fit.measured, misfit=MISFIT_PX), fit.parameters, fit.prior) for fit in forms]
+        return [_through_real_lenses(fit) for fit in forms]
 
 
 def hypothesis(
@@ -74,6 +76,14 @@ def hypothesis(
     if measured.textured:  # what photographs' lenses leave over looks like other lenses, and is slower than its scatter
         return Hypothesis(fit, None)
     return Hypothesis(fit, _moved(fit, start, tight, homographies))
+
+
+def _through_real_lenses(fit: Posterior) -> Posterior:
+    """The same place, with what real lenses leave over."""
+    measured = replace(fit.measured, misfit=MISFIT_PX)
+    if fit.measured.misfit > 0:
+        return posterior_at(measured, fit.parameters, fit.prior)
+    return replace(fit, measured=measured, fit=with_misfit(fit.fit, measured))
 
 
 def _moved(fit: Posterior, start: Parameters, tight: LensPrior, homographies: list[FloatArray]) -> Posterior | None:
@@ -96,7 +106,7 @@ def _moved(fit: Posterior, start: Parameters, tight: LensPrior, homographies: li
     if not found:
         return None
     moved = [posterior_at(fit.measured, one.parameters, free) for one in found]
-    best = moved[int(np.argmin(total_costs(moved)))]
+    best = moved[0] if len(moved) == 1 else moved[int(np.argmin(total_costs(moved)))]
     return best if tight.likely(best.parameters.lens) else None
 
 
@@ -114,8 +124,10 @@ def drawn_in(measured: Measured, start: Parameters, prior: Prior) -> Parameters:
         weights, floor, reach = gather_weights(both, plane_index, len(start.pose.planes), floor, reach)
         variances = np.stack([noise.variance for noise in here.fit.noises])
         robust = np.where(weights > 0, weights, 0.0) * np.where(weights > 0, variances, 0.0)
-        step, _ = replace(here, fit=replace(here.fit, robust_weights=robust)).step(0.0)
+        step, length = replace(here, fit=replace(here.fit, robust_weights=robust)).step(0.0)
         start = start.moved(step)
+        if length < DRAWN_IN and reach <= floor:
+            break
     return start
 
 

@@ -103,17 +103,20 @@ def scaled_starts(
     found: list[tuple[float, FloatArray, FloatArray, FloatArray]] = []
     variance = float(np.median(few.camera_sigma**2 + few.projector_sigma**2))
     rays = [(few.camera_rays * np.exp(-ratio), few.projector_rays * np.exp(-ratio)) for ratio in ratios]
+    squares = np.zeros((2 * len(pairs), len(few)))
     for plane in range(min(len(homographies), 2)):
         scaled = [_scaled(homographies[plane], *pair) for pair in pairs]
         mine = points.camera_rays[points.plane_index == plane]
         poses = planar_pose_candidates_batch(np.array(scaled), [*mine.mean(axis=0), 1.0])
-        for index, (R, t) in enumerate(zip(poses.R, poses.translation_over_distance, strict=True)):
-            x, y = rays[index % NET][0], rays[index // NET][1]
-            for twin in range(2):
-                length = float(np.linalg.norm(t[twin]))
-                if length > 0:
-                    squares = sampson_squares(skew(t[twin] / length) @ R[twin], x, y) / variance
-                    found.append((float(np.log1p(squares / 100).sum()), pairs[index], R[twin], t[twin] / length))
+        R, t = poses.R.reshape(-1, 3, 3), poses.translation_over_distance.reshape(-1, 3)  # of each pair, both in turn
+        lengths = np.linalg.norm(t, axis=1)
+        determined = np.flatnonzero(lengths > 0)
+        t = t / np.where(lengths > 0, lengths, 1.0)[:, None]
+        for row in determined:
+            of_projector, of_camera = divmod(row // 2, NET)
+            sampson_squares(skew(t[row]) @ R[row], rays[of_camera][0], rays[of_projector][1], squares[row])
+        costs = np.log1p(squares / (100 * variance)).sum(axis=1)
+        found += [(float(costs[row]), pairs[row // 2], R[row], t[row]) for row in determined]
     found.sort(key=lambda one: one[0])
     return [_start(pair, R, t, homographies) for _, pair, R, t in found[:count]]
 

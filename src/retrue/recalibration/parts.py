@@ -15,11 +15,12 @@ from retrue.kernels import robust as robust_kernel
 from retrue.kernels import triangulation as kernel
 from retrue.recalibration.candidates import behind
 from retrue.recalibration.posterior import Measured, Posterior
+from retrue.recalibration.shifts import PlaneShifts, shifts_from_planes
 
 FEWEST_OF_A_PART = 15
 A_COPY, IN_A_MIRROR, ELSEWHERE = "a shifted copy", "points in a mirror", "elsewhere"
 FEWEST_OF_A_COPY = 6  # what its price is paid by; what one shift puts in place along both axes is no chance
-MOST_COPIED, MOST_COPIES = 3, 3  # planes, the largest; and copies of them
+MOST_COPIES = 3
 ROUGH_STEP, STEPPED = 0.1, 8  # of a step, by which perspective makes it differ at first; and fits of it
 MOST_MODES = 3
 STRIPS, MOST_SAMPLES = 4, 180
@@ -116,40 +117,31 @@ def shifted_copy(posterior: Posterior, outside: BoolArray) -> Part | None:
     A code that repeats makes such matches, of pixels in either picture; repeated texture has the same step in space,
     one way and the other. The shift is the mode of what the points ask for.
     """
-    points, pose, measured = posterior.points, posterior.pose, posterior.measured
-    rows = np.flatnonzero(outside)
-    if len(rows) < FEWEST_OF_A_COPY or not len(pose.planes):
-        return None
+    found = shifted_copies(posterior, outside, 1)
+    return found[0] if found else None
+
+
+def _shifted_copy(posterior: Posterior, outside: BoolArray, rows: IntArray, planes: list[PlaneShifts]) -> Part | None:
+    """The same, of the rows that are outside, as the planes have them."""
+    points, measured = posterior.points, posterior.measured
     camera, projector = measured.rig.camera, measured.rig.projector
     focal = projector.K[0, 0]
     sigma = np.hypot(points.camera_sigma[rows] * camera.K[0, 0], points.projector_sigma[rows] * focal)
     noise = 4 * float(quantile(sigma, 0.5) * posterior.fit.along_noise.total)
-    x = np.column_stack([points.camera_rays[rows], np.ones(len(rows))])
-    y = np.column_stack([points.projector_rays[rows], np.ones(len(rows))])
     found: list[tuple[BoolArray, FloatArray, int, int]] = []
-    counts = np.bincount(points.plane_index[points.plane_index != FREE], minlength=len(pose.planes))
-    for index in np.argsort(-counts)[:MOST_COPIED].tolist():
-        n = pose.planes[index]
-        H: FloatArray = pose.R + pose.t[:, None] * n
-        forth = x @ H.T
-        with np.errstate(all="ignore"):
-            back = y @ np.asarray(np.linalg.inv(H), dtype=np.float64).T
-            shifts = (
-                measured.projector_px[rows] - projector.project(forth),
-                measured.camera_px[rows] - camera.project(back),
-            )
-            if measured.textured:
-                for axis in (0, 1):
-                    mode, missed = _stepped(y, forth, x @ n, axis, noise / focal)
-                    found.append((mode, missed * focal, 3, index))
-        for shift in shifts:
+    for seen in planes:
+        for axis in range(2 if measured.textured else 0):
+            mode, missed = _stepped(seen, axis, noise / focal)
+            found.append((mode, missed * focal, 3, seen.plane))
+        for shift in seen.pixels:
             mode = within_reach_of_mode(shift, CENTRES, noise)
             if np.count_nonzero(mode) < FEWEST_OF_A_COPY:
                 continue
-            middle = np.median(shift[mode], axis=0)
+            middle = np.array([quantile(along, 0.5) for along in shift[mode].T])
             if np.abs(middle).max() > noise:  # what lies where the plane has it is no copy
-                found.append((mode, shift - middle, 2, index))
-    mode, missed, parameters, index = max(found, key=lambda one: np.count_nonzero(one[0]), default=(rows < 0, x, 0, 0))
+                found.append((mode, shift - middle, 2, seen.plane))
+    nothing = np.zeros(len(rows), dtype=np.bool_), np.empty((0, 2)), 0, 0
+    mode, missed, parameters, index = max(found, key=lambda one: np.count_nonzero(one[0]), default=nothing)
     count = int(np.count_nonzero(mode))
     if count < FEWEST_OF_A_COPY:
         return None
@@ -160,26 +152,20 @@ def shifted_copy(posterior: Posterior, outside: BoolArray) -> Part | None:
     return Part(A_COPY, copy, parameters, relative, _level(relative), seldom=max(0.0, 1 - copied / count))
 
 
-def _stepped(
-    y: FloatArray, forth: FloatArray, inverse_depth: FloatArray, axis: int, noise: float
-) -> tuple[BoolArray, FloatArray]:
+def _stepped(seen: PlaneShifts, axis: int, noise: float) -> tuple[BoolArray, FloatArray]:
     """(N,) points that lie one step p from their plane's, y ~ H x + p (n x) or less that; and what (N, 2) they miss.
 
     Which way is told by the sign along an axis. What moved has steps, too, and often more: each mode of them is asked.
     """
-    gap = y[:, :2] - forth[:, :2] / forth[:, 2:]
-    w = np.where(gap[:, axis] < 0, -1.0, 1.0) * inverse_depth
-    step = gap * (forth[:, 2] / w)[:, None]
-    relative = np.column_stack([np.log(np.hypot(*step.T) + 1e-300), np.arctan2(step[:, 1 - axis], step[:, axis])])
-    apart = np.abs(gap).max(axis=1) > noise
-    asked, best, missed = apart.copy(), np.zeros(len(y), dtype=np.bool_), gap
+    relative, apart = seen.relative[axis], seen.gaps > noise
+    asked, best, missed = apart.copy(), np.zeros(len(apart), dtype=np.bool_), np.zeros((len(apart), 2))
     for _ in range(MOST_MODES):
         rows = np.flatnonzero(asked)
-        rough = rows[within_reach_of_mode(relative[rows], CENTRES, ROUGH_STEP)] if len(rows) else rows
+        rough = rows[within_reach_of_mode(relative[rows], CENTRES, ROUGH_STEP)]
         if len(rough) < FEWEST_OF_A_COPY:
             break
         asked[rough] = False
-        mode, off = _of_one_step(y, forth, w, rough, noise)
+        mode, off = _of_one_step(seen.places, seen.forth, seen.weights[axis], rough, noise)
         if np.count_nonzero(mode & apart) > np.count_nonzero(best):
             best, missed = mode & apart, off
     return best, missed
@@ -236,12 +222,19 @@ def copies_seen_through(posterior: Posterior) -> list[Part]:
     return [replace(one, seen_through=True) for one in found if 2 * np.count_nonzero(one.rows & explained) > one.count]
 
 
-def shifted_copies(posterior: Posterior, outside: BoolArray) -> list[Part]:
+def shifted_copies(posterior: Posterior, outside: BoolArray, most: int = MOST_COPIES) -> list[Part]:
     """The `shifted_copy` of those points, that of the others, ..."""
-    found: list[Part] = []
-    while len(found) < MOST_COPIES and (copy := shifted_copy(posterior, outside)) is not None:
-        outside = outside & ~copy.rows
+    found, rows = list[Part](), np.flatnonzero(outside)
+    if len(rows) < FEWEST_OF_A_COPY or not len(posterior.pose.planes):
+        return found
+    planes: list[PlaneShifts] = shifts_from_planes(posterior, rows)
+    while (copy := _shifted_copy(posterior, outside, rows, planes)) is not None:
         found.append(copy)
+        left = ~copy.rows[rows]
+        if len(found) == most or np.count_nonzero(left) < FEWEST_OF_A_COPY:
+            break
+        outside, rows = outside & ~copy.rows, rows[left]
+        planes = [seen.select(left) for seen in planes]
     return found
 
 

@@ -1,0 +1,69 @@
+"""By what each point misses the place where a plane has it: in the pixels of either device, and as a step in space."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from retrue.geometry.arrays import BoolArray, FloatArray, IntArray
+from retrue.geometry.two_view import FREE
+from retrue.kernels import copies as kernel
+from retrue.recalibration.posterior import Posterior
+
+MOST_COPIED = 3  # planes, the largest
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class PlaneShifts:
+    """Some points, as a plane that they do not lie on would have them.
+
+    Attributes
+    ----------
+    plane : its number.
+    pixels : (2, N, 2) what each point is shifted by, in the projector and in the camera.
+    places, forth : (N, 3) y where the projector has them, h where the plane does.
+    weights : (2, N) w of the step p, y ~ h + w p, that leads up either axis; none where nobody asks for steps.
+    relative : (2, N, 2) log length of p, and its angle to that axis.
+    gaps : (N,) the larger of both components of y - h.
+    """
+
+    plane: int
+    pixels: FloatArray
+    places: FloatArray
+    forth: FloatArray
+    weights: FloatArray
+    relative: FloatArray
+    gaps: FloatArray
+
+    def select(self, rows: BoolArray) -> PlaneShifts:
+        """The same of those points."""
+        steps: tuple[FloatArray, ...] = self.weights, self.relative, self.gaps
+        if len(self.gaps):
+            steps = self.weights[:, rows], self.relative[:, rows], self.gaps[rows]
+        left = [np.ascontiguousarray(part) for part in (self.pixels[:, rows], *steps)]
+        return PlaneShifts(self.plane, left[0], self.places[rows], self.forth[rows], *left[1:])
+
+
+def shifts_from_planes(posterior: Posterior, rows: IntArray) -> list[PlaneShifts]:
+    """Of those points, from each of the largest planes; steps in space where texture may repeat."""
+    points, pose, measured = posterior.points, posterior.pose, posterior.measured
+    x = np.column_stack([points.camera_rays[rows], np.ones(len(rows))])
+    y = np.column_stack([points.projector_rays[rows], np.ones(len(rows))])
+    counts = np.bincount(points.plane_index[points.plane_index != FREE], minlength=len(pose.planes))
+    found: list[PlaneShifts] = []
+    for plane in np.argsort(-counts)[:MOST_COPIED].tolist():
+        n = pose.planes[plane]
+        H: FloatArray = pose.R + pose.t[:, None] * n
+        forth = x @ H.T
+        with np.errstate(all="ignore"):
+            back = y @ np.asarray(np.linalg.inv(H), dtype=np.float64).T
+        pixels = np.empty((2, len(rows), 2))
+        np.subtract(measured.projector_px[rows], measured.rig.projector.project(forth), out=pixels[0])
+        np.subtract(measured.camera_px[rows], measured.rig.camera.project(back), out=pixels[1])
+        count = len(rows) if measured.textured else 0
+        weights, relative, gaps = np.empty((2, count)), np.empty((2, count, 2)), np.empty(count)
+        if measured.textured:
+            kernel.steps(y, forth, x @ n, weights, relative, gaps)
+        found.append(PlaneShifts(plane, pixels, y, forth, weights, relative, gaps))
+    return found
