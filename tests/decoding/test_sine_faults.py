@@ -107,6 +107,7 @@ def test_gains_that_one_sine_of_three_shifts_cannot_tell_are_ones() -> None:
         (lambda pictures: [*pictures[:3], pictures[2], *pictures[4:]], "picture 3 and picture 4 show the same"),
         (lambda pictures: seen(sines(0, (10, 1)) + sines(1, (10, 1))), "10 periods in one"),
         (lambda pictures: pictures[:5] + pictures[6:], "expected 16 pictures"),
+        (lambda pictures: [*pictures[:5], pictures[5][::-1, ::-1], *pictures[6:]], "picture 6 stands on its head"),
     ],
 )
 def test_what_cannot_be_read_is_named(change, said: str) -> None:

@@ -127,6 +127,8 @@ def find_sine_fault(spec: FrameSequence, grey: Sequence[Image], names: Sequence[
         part = _agreement_of(sample.here[shown], spec.frames[: len(shown)], spec)
         if part is not None and part > max(held + CLEAR, HOLDS):
             return _unreadable(f"every picture shows what belongs {late} earlier: the camera is late by {late}")
+    if (turned := _on_its_head(grey, spec, held)) is not None:
+        return _unreadable(f"{names[turned]} stands on its head beside the others: take the capture again")
     if periods := _periods(sample.here, spec):
         return _unreadable(periods)
     spread = _brightness(sample, spec)
@@ -352,6 +354,16 @@ def _share(sample: Sample, spec: FrameSequence) -> float:
     explained = float(np.median(np.abs(y - slope * x))) < 0.7 * float(np.median(np.abs(y)))
     share = slope / (1 + slope) if slope > -1 else 0.0
     return share if explained and LEAST_SHARE < share < LARGEST_SHARE else 0.0
+
+
+def _on_its_head(grey: Sequence[Image], spec: FrameSequence, held: float) -> int | None:
+    """The picture which, turned half round, makes all agree."""
+    agreed = np.zeros(len(grey))
+    for k in range(len(grey)):
+        sample = take_sample([*grey[:k], grey[k][::-1, ::-1], *grey[k + 1 :]], np.random.default_rng(0))
+        agreed[k] = 0.0 if sample is None else agreement(sample.here, spec)
+    best = int(np.argmax(agreed))
+    return best if agreed[best] > max(held + CLEAR, HOLDS) else None
 
 
 def _brightness(sample: Sample, spec: FrameSequence) -> float:
