@@ -107,12 +107,46 @@ def test_gains_that_one_sine_of_three_shifts_cannot_tell_are_ones() -> None:
         (lambda pictures: [*pictures[:3], pictures[2], *pictures[4:]], "picture 3 and picture 4 show the same"),
         (lambda pictures: seen(sines(0, (10, 1)) + sines(1, (10, 1))), "10 periods in one"),
         (lambda pictures: pictures[:5] + pictures[6:], "expected 16 pictures"),
-        (lambda pictures: [*pictures[:5], pictures[5][::-1, ::-1], *pictures[6:]], "picture 6 stands on its head"),
     ],
 )
 def test_what_cannot_be_read_is_named(change, said: str) -> None:
     with pytest.raises(CaptureError, match=said):
         decode(PATTERN, change(seen(FRAMES[0] + FRAMES[1])))
+
+
+@pytest.mark.parametrize("shifts", [4, 5])
+def test_a_picture_that_shows_something_else_is_left_out_or_named(shifts: int) -> None:
+    """Another one, or nothing at all: the others of its sine tell which; of four shifts it may be its opposite."""
+    spec = FrameSequence(
+        SIZE,
+        tuple(
+            Frame("phase", name, period_px=side / periods, shift=k / shifts)
+            for name, side in zip(("column", "row"), SIZE, strict=True)
+            for periods in (8, 1)
+            for k in range(shifts)
+        ),
+    )
+    good = seen(list(spec.frames))
+    for odd in (good[shifts + 2], np.full_like(good[1], 90)):
+        pictures = [good[0], odd, *good[2:]]
+        if shifts == 4:
+            with pytest.raises(CaptureError, match="one of picture 2, picture 4 shows something else"):
+                decode(spec, pictures)
+            continue
+        points = decode(spec, pictures)
+        assert points.card is not None
+        assert points.card.advice[0].startswith("read all the same: picture 2 shows something else")
+        assert error(points) < 0.5
+
+
+@pytest.mark.parametrize("shifts", [3, 4])
+def test_a_picture_on_its_head_is_named_where_it_is_not_the_only_odd_one(shifts: int) -> None:
+    """Of three shifts each explains what any does; of four, one that is turned shows what its opposite does."""
+    frames = [replace(f, shift=k % 4 / shifts) for own in FRAMES for k, f in enumerate(own) if k % 4 < shifts]
+    pictures = seen(frames)
+    pictures[1] = pictures[1][::-1, ::-1]
+    with pytest.raises(CaptureError, match="picture 2 stands on its head"):
+        decode(FrameSequence(SIZE, tuple(frames)), pictures)
 
 
 def test_backwards_shifts_leave_no_pixel_a_whole_turn_off() -> None:
