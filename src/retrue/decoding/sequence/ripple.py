@@ -77,7 +77,7 @@ def _covered(phase: FloatImage, lit: BoolArray, shifts: int) -> tuple[FloatImage
     reach = max(round(0.5 / (shifts * usual[axis])), 1)
     if not 2 * reach < phase.shape[axis]:
         return none
-    weight = _slope(phase, lit, axis, reach) / (2 * reach)
+    weight = _slope(phase, lit, axis, reach) / np.float32(2 * reach)
     inner = phase[:, reach:-reach] if axis == 1 else phase[reach:-reach]
     told = weight > 0
     return inner[told], weight[told]
