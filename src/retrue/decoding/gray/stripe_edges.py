@@ -10,8 +10,11 @@ pixel of the cell; all sums are separable filters over cells.
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
+from typing import cast
 
+import cv2
 import numpy as np
 from numpy.typing import NDArray
 
@@ -40,7 +43,9 @@ FOLDED = 4.0
 FOLD_EVERY = 4
 """Cells along either axis, of which one tells what is usual."""
 MARGIN = 16
-"""Cells about those that hold points that are looked at too."""
+"""Cells about those that hold edges, or points, that are looked at too."""
+ALIGNED = 32
+"""Cells, at multiples of which runs begin: sums round as those of whole rows do."""
 MOMENTS = ("", "x", "xx", "y", "yy", "xy", "v", "xv", "yv")
 """Of the weights, and of what they are multiplied by."""
 
@@ -119,7 +124,7 @@ class PlaneFitter:
     def __init__(self, shape: tuple[int, ...], cell: int, along: int) -> None:
         height, self._width = shape
         cells = -(-height // cell), -(-self._width // cell)  # the last ones cut off by the border
-        self._cell, self._along, self._window = cell, along, _window(cell)
+        self._cell, self._along = cell, along
         self._sums, self._misses, self._planes, self._shape, self._loose = (
             np.zeros((count, *cells), np.float32) for count in (len(MOMENTS), 3, 3, 5, 2)
         )
@@ -134,27 +139,37 @@ class PlaneFitter:
 
     def fit(self, rows: range, edges: Edges) -> None:
         """Second: the planes of a band, and by how much its edges miss them."""
-        top, bottom = self._cells(rows)
-        planes_kernel.solve(
-            self._sums, self._window, self._along, (top, bottom), self._planes, self._shape, self._loose
-        )
-        frame = self._width, self._cell, self._along, top
-        kernel.misses(edges.place, edges.seen, self._planes, *frame, self._misses)
+        here = self._cells(rows)
+        for around, inner, columns in self._windows(here):
+            own: dict[str, FloatImage] = dict(zip(MOMENTS, self._sums[around], strict=True))
+            sums = _windowed(own, self._cell, self._along)
+            sums = np.stack([sums[name][inner] for name in MOMENTS])
+            planes, shape, loose = (np.empty((n, *sums.shape[1:]), np.float32) for n in (3, 5, 2))
+            planes_kernel.solve(sums, planes, shape, loose)
+            for whole, part in ((self._planes, planes), (self._shape, shape), (self._loose, loose)):
+                whole[:, here, columns] = part
+        planes, frame = self._planes, (self._width, self._cell, self._along, here.start)
+        kernel.misses(edges.place, edges.seen, planes, *frame, self._misses)
 
     def judge(self, rows: range) -> None:
         """Third: how well the planes of a band fit."""
-        planes_kernel.judge(
-            self._misses,
-            self._window[0],
-            self._cells(rows),
-            self._loose,
-            ((EDGE_SIGMA / self._cell) ** 2, 0.5 / self._cell**2),
-            (LARGEST_RESIDUAL**2, LARGEST_SIGMA**2),
-            self._variance,
-            self._even,
-            self._sure,
-            self._whole,
-        )
+        here, window = self._cells(rows), _kernel(self._cell, 0)
+        for around, inner, columns in self._windows(here):
+            missed = [_filtered(_filtered(own, window, 0), window, 1)[inner] for own in self._misses[around]]
+            variance = np.empty(missed[0].shape, np.float32)
+            even, sure, whole = (np.empty(variance.shape, np.uint8) for _ in range(3))
+            planes_kernel.judge(
+                np.stack(missed),
+                np.ascontiguousarray(self._loose[:, here, columns]),
+                ((EDGE_SIGMA / self._cell) ** 2, 0.5 / self._cell**2),
+                (LARGEST_RESIDUAL**2, LARGEST_SIGMA**2),
+                variance,
+                even,
+                sure,
+                whole,
+            )
+            for own, part in ((self._variance, variance), (self._even, even), (self._sure, sure), (self._whole, whole)):
+                own[here, columns] = part
 
     def fitted(self) -> PlaneFit:
         """At last: the planes of all bands, without what bent surfaces make of them."""
@@ -179,9 +194,23 @@ class PlaneFitter:
         share *= np.float32(FOLDED * np.median(variance[few][told] / share[few][told]))
         return whole & (variance < share).view(np.uint8)
 
-    def _cells(self, rows: range) -> tuple[int, int]:
-        """The first row of cells of a band, and the one past its last."""
-        return rows.start // self._cell, -(-rows.stop // self._cell)
+    def _windows(self, here: slice) -> Iterator[tuple[tuple[slice, ...], tuple[slice, slice], slice]]:
+        """Of those rows of cells the runs of columns that edges can be seen from, as their columns; the part of the
+        picture's sums that their windows see; and where in this they are."""
+        height, width = self._planes.shape[1:]
+        top, bottom = max(here.start - WINDOW_RADIUS, 0), min(here.stop + WINDOW_RADIUS, height)
+        filled = np.flatnonzero(self._sums[0, top:bottom].any(axis=0))
+        ends = np.flatnonzero(np.diff(filled) > 2 * MARGIN)
+        for first, last in zip(filled[np.r_[0, ends + 1]], filled[np.r_[ends, -1]], strict=True) if len(filled) else ():
+            left, right = max(int(first) - MARGIN, 0) // ALIGNED * ALIGNED, min(int(last) + MARGIN + 1, width)
+            start = left + WINDOW_RADIUS if left else 0
+            stop = right - WINDOW_RADIUS if right < width else width
+            inner = slice(here.start - top, here.stop - top), slice(start - left, stop - left)
+            yield (slice(None), slice(top, bottom), slice(left, right)), inner, slice(start, stop)
+
+    def _cells(self, rows: range) -> slice:
+        """The rows of cells of a band."""
+        return slice(rows.start // self._cell, -(-rows.stop // self._cell))
 
 
 def _filled(cells: NDArray[np.uint8], axis: int) -> slice:
@@ -190,8 +219,36 @@ def _filled(cells: NDArray[np.uint8], axis: int) -> slice:
     return slice(max(int(filled[0]) - MARGIN, 0), int(filled[-1]) + MARGIN + 1) if len(filled) else slice(0, 1)
 
 
-def _window(cell: int) -> FloatImage:
-    """(3, 7) the window along one axis, times powers 0, 1, 2 of the offset in pixels."""
+def _windowed(own: dict[str, FloatImage], cell: int, along: int) -> dict[str, FloatImage]:
+    """Sums over the window from sums over single cells: a moment about another centre takes the lower ones along."""
+    k0, k1, k2 = (_kernel(cell, power) for power in range(3))
+
+    def shifted(image: FloatImage, first: FloatImage, axis: int) -> FloatImage:
+        """Sum of first + offset * image."""
+        return _filtered(first, k0, axis) + _filtered(image, k1, axis)
+
+    def twice_shifted(image: FloatImage, first: FloatImage, second: FloatImage, axis: int) -> FloatImage:
+        """Sum of second + 2 offset * first + offset^2 * image."""
+        return shifted(2 * first, second, axis) + _filtered(image, k2, axis)
+
+    across = 1 - along
+    one, y, v = (_filtered(own[name], k0, along) for name in ("", "y", "v"))
+    x, xy, xv = (shifted(own[name], own["x" + name], along) for name in ("", "y", "v"))
+    xx = twice_shifted(own[""], own["x"], own["xx"], along)
+    yy, yv = (_filtered(own[name], k0, along) for name in ("yy", "yv"))
+    sums = {"": one, "x": x, "xx": xx, "v": v, "xv": xv}
+    sums = {name: _filtered(image, k0, across) for name, image in sums.items()}
+    sums |= {"y": shifted(one, y, across), "xy": shifted(x, xy, across), "yv": shifted(v, yv, across)}
+    return sums | {"yy": twice_shifted(one, y, yy, across)}
+
+
+def _kernel(cell: int, power: int) -> FloatImage:
+    """The window along one axis, times offset^power in pixels."""
     offset = np.arange(-WINDOW_RADIUS, WINDOW_RADIUS + 1, dtype=np.float64)
-    weight = np.exp(-0.5 * (offset / WINDOW_SIGMA) ** 2)
-    return (weight * (cell * offset) ** np.arange(3)[:, None]).astype(np.float32)
+    return (np.exp(-0.5 * (offset / WINDOW_SIGMA) ** 2) * (cell * offset) ** power).astype(np.float32)
+
+
+def _filtered(image: FloatImage, kernel: FloatImage, axis: int) -> FloatImage:
+    """Correlation along one array axis; beyond the border there is nothing."""
+    kernel_2d = kernel[None, :] if axis == 1 else kernel[:, None]
+    return cast(FloatImage, cv2.filter2D(image, cv2.CV_32F, kernel_2d, borderType=cv2.BORDER_CONSTANT))
