@@ -110,9 +110,8 @@ def _blocks(shape: tuple[int, ...]) -> list[tuple[slice, slice]]:
 
 def _high_pass(seen: FloatImage) -> FloatImage:
     """Second differences along rows and columns of each block."""
-    two = np.float32(2)
-    rows = seen[:, :-2] - two * seen[:, 1:-1] + seen[:, 2:]
-    return rows[..., :-2] - two * rows[..., 1:-1] + rows[..., 2:]
+    rows = seen[:, :-2] - 2 * seen[:, 1:-1] + seen[:, 2:]
+    return np.asarray(rows[..., :-2] - 2 * rows[..., 1:-1] + rows[..., 2:], np.float32)
 
 
 def _fitted(levels: FloatImage, scatter: FloatImage) -> Noise:
