@@ -177,3 +177,17 @@ def test_where_a_board_is_not_found_its_markers_are_told(spec: str, flip: bool, 
         picture[250:260] = 128
     with pytest.raises(BoardNotFound, match=why):
         find_board(np.ascontiguousarray(picture[:, ::-1]) if flip else picture, parse_board(spec))
+
+
+def test_markers_of_clutter_do_not_hide_a_boards_own() -> None:
+    """A part of a large board, of markers beyond its family's first 50, and four of another family beside it."""
+    family, other = (
+        cv2.aruco.getPredefinedDictionary(name) for name in (cv2.aruco.DICT_6X6_250, cv2.aruco.DICT_4X4_50)
+    )
+    part = cv2.aruco.CharucoBoard((6, 4), 40, 30, family, np.arange(60, 72)).generateImage((480, 320))
+    picture = np.full((480, 560), 255, np.uint8)
+    picture[20:340, 40:520] = part
+    for place, name in enumerate((3, 17, 29, 44)):
+        picture[380:420, 60 + 110 * place : 100 + 110 * place] = cv2.aruco.generateImageMarker(other, name, 40)
+    with pytest.raises(BoardNotFound, match="12 markers of DICT_6X6_100 are seen, ids 60 to 71"):
+        find_board(picture, parse_board("chessboard:9x7:40mm"))

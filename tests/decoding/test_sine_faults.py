@@ -114,6 +114,41 @@ def test_what_cannot_be_read_is_named(change, said: str) -> None:
         decode(PATTERN, change(seen(FRAMES[0] + FRAMES[1])))
 
 
+@pytest.mark.parametrize("shifts", [4, 5])
+def test_a_picture_that_shows_something_else_is_left_out_or_named(shifts: int) -> None:
+    """Another one, or nothing at all: the others of its sine tell which; of four shifts it may be its opposite."""
+    spec = FrameSequence(
+        SIZE,
+        tuple(
+            Frame("phase", name, period_px=side / periods, shift=k / shifts)
+            for name, side in zip(("column", "row"), SIZE, strict=True)
+            for periods in (8, 1)
+            for k in range(shifts)
+        ),
+    )
+    good = seen(list(spec.frames))
+    for odd in (good[shifts + 2], np.full_like(good[1], 90)):
+        pictures = [good[0], odd, *good[2:]]
+        if shifts == 4:
+            with pytest.raises(CaptureError, match="one of picture 2, picture 4 shows something else"):
+                decode(spec, pictures)
+            continue
+        points = decode(spec, pictures)
+        assert points.card is not None
+        assert points.card.advice[0].startswith("read all the same: picture 2 shows something else")
+        assert error(points) < 0.5
+
+
+@pytest.mark.parametrize("shifts", [3, 4])
+def test_a_picture_on_its_head_is_named_where_it_is_not_the_only_odd_one(shifts: int) -> None:
+    """Of three shifts each explains what any does; of four, one that is turned shows what its opposite does."""
+    frames = [replace(f, shift=k % 4 / shifts) for own in FRAMES for k, f in enumerate(own) if k % 4 < shifts]
+    pictures = seen(frames)
+    pictures[1] = pictures[1][::-1, ::-1]
+    with pytest.raises(CaptureError, match="picture 2 stands on its head"):
+        decode(FrameSequence(SIZE, tuple(frames)), pictures)
+
+
 def test_backwards_shifts_leave_no_pixel_a_whole_turn_off() -> None:
     spec = FrameSequence(SIZE, tuple(sines(0) + sines(1)))
     run = [replace(f, shift=-f.shift) if f.shift else f for f in spec.frames]

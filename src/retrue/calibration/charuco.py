@@ -26,6 +26,10 @@ FAR_PX = 3.0
 """How far markers may lie from a flat board: a wrong layout moves them by whole squares, a lens by less."""
 FEWEST_SEEN = 4
 """Markers that clutter is not: a large dictionary finds one or two anywhere."""
+MANY_SEEN = 8
+"""Markers in line among the first 50 that clutter never is."""
+FARTHEST_ID = 8
+"""From a marker of a board to the next that is seen: those of a row may be hidden."""
 WIDEST = 11
 NARROWEST = 2
 """Half a window's side, pixels."""
@@ -80,14 +84,14 @@ def markers_seen(grey: Image, board: Board) -> str:
     asked = [(name, way) for way in pictures for name in names]
 
     @cache
-    def ids_of(name: str, way: str) -> IntArray:
-        return find_markers(pictures[way], name).ids
+    def ids_of(name: str, way: str) -> list[int]:
+        return _in_line(find_markers(pictures[way], name).ids)
 
-    # A family's first 50 markers, which any board has, tell it in a twentieth of the time that all 1000 take.
-    likely = [(name, way) for name, way in asked if len(ids_of(name.replace("_1000", "_50"), way)) >= FEWEST_SEEN]
+    # A family's first 50 markers, which most boards have, tell it in a twentieth of the time that all 1000 take.
+    likely = [(name, way) for name, way in asked if len(ids_of(name.replace("_1000", "_50"), way)) >= MANY_SEEN]
     found = {key: ids_of(*key) for key in likely or asked}
-    name, way = max(found, key=lambda key: len(found[key]) + (key == (own, "")))  # the board's own where others tie
-    ids = sorted(set(found[name, way].tolist()))
+    name, way = max(found, key=lambda key: (len(found[key]), key == (own, "")))  # the board's own where others tie
+    ids = found[name, way]
     if len(ids) < FEWEST_SEEN:
         return ""
     name = name if name == own else _smallest(name, ids)
@@ -95,6 +99,12 @@ def markers_seen(grey: Image, board: Board) -> str:
     if not own:
         return seen
     return seen + (f"; --board says {own}" if name != own else _of_board(ids, board))
+
+
+def _in_line(ids: IntArray) -> list[int]:
+    """The most that follow one another, as a board's do: what clutter is taken for lies anywhere in a dictionary."""
+    own = np.unique(ids)
+    return max((run.tolist() for run in np.split(own, np.flatnonzero(np.diff(own) > FARTHEST_ID) + 1)), key=len)
 
 
 def _of_board(ids: list[int], board: Board) -> str:

@@ -18,7 +18,6 @@ FLOOR = 1 / 12
 """Grey levels squared: what rounding leaves."""
 SAMPLE_BLOCKS, BLOCK = 10, 32
 """Along each side of the picture, and rows and columns of each block that is looked at."""
-HIGH_PASS = np.array([1.0, -2.0, 1.0])
 HIGH_PASS_GAIN = 36.0
 """Variance of white noise behind the high-pass along rows and columns."""
 LEVELS = 8
@@ -61,27 +60,23 @@ def measure_noise(pictures: Sequence[Image], sines: Sequence[Sequence[Sine]]) ->
     """
     shown = sorted({index for axis in sines for sine in axis for index in sine.pictures})
     blocks = _blocks(pictures[shown[0]].shape)
-    stacks = np.stack([np.stack([pictures[index][block] for index in shown]) for block in blocks]).astype(np.float64)
+    stacks = np.stack([np.stack([pictures[index][block] for block in blocks]) for index in shown]).astype(np.float32)
     told = _lit(stacks, FULL * np.iinfo(pictures[shown[0]].dtype).max)
     combinations = unexplained(shown, sines)
     combinations = combinations if len(combinations) else np.eye(len(shown))
-    levels: list[FloatArray] = []
-    scatter: list[FloatArray] = []
-    for weights in combinations:
-        seen = np.einsum("k,bkij->bij", weights, stacks)
-        filtered = _high_pass(seen) / np.sqrt(HIGH_PASS_GAIN)
-        brightness = np.einsum("k,bkij->bij", weights**2, stacks)
-        scatter.append(filtered[told])
-        levels.append(brightness[:, 1:-1, 1:-1][told])
+    flat, weights = stacks.reshape(len(shown), -1), combinations.astype(np.float32)
+    seen, brightness = ((own @ flat).reshape(-1, *stacks.shape[1:]) for own in (weights, weights**2))
+    scatter = [_high_pass(own)[told] / np.float32(np.sqrt(HIGH_PASS_GAIN)) for own in seen]
+    levels = [own[:, 1:-1, 1:-1][told] for own in brightness]
     return _fitted(np.concatenate(levels), np.concatenate(scatter))
 
 
-def _lit(stacks: FloatArray, full: float) -> BoolArray:
+def _lit(stacks: FloatImage, full: float) -> BoolArray:
     """Where the sines are seen, and no neighbour is at an end of the scale; less a border of one.
 
     Where hardly any is above its lower end, all count that are below the upper one.
     """
-    low, high = stacks.min(axis=1), stacks.max(axis=1)
+    low, high = stacks.min(axis=0), stacks.max(axis=0)
     lit = high - low > LIT * np.percentile(high - low, 99)
     inside = high < full
     if np.count_nonzero(inside & lit & (low > 0)) > LEVELS * LEAST_PIXELS:
@@ -113,21 +108,20 @@ def _blocks(shape: tuple[int, ...]) -> list[tuple[slice, slice]]:
     return [(slice(top, top + rows), slice(left, left + columns)) for top in tops for left in lefts]
 
 
-def _high_pass(seen: FloatArray) -> FloatArray:
+def _high_pass(seen: FloatImage) -> FloatImage:
     """Second differences along rows and columns of each block."""
-    a, b, c = HIGH_PASS
-    rows = a * seen[:, :-2] + b * seen[:, 1:-1] + c * seen[:, 2:]
-    return a * rows[..., :-2] + b * rows[..., 1:-1] + c * rows[..., 2:]
+    rows = seen[:, :-2] - 2 * seen[:, 1:-1] + seen[:, 2:]
+    return np.asarray(rows[..., :-2] - 2 * rows[..., 1:-1] + rows[..., 2:], np.float32)
 
 
-def _fitted(levels: FloatArray, scatter: FloatArray) -> Noise:
+def _fitted(levels: FloatImage, scatter: FloatImage) -> Noise:
     """Floor and gain from the scatter at several levels of brightness."""
     if not len(levels):
         return Noise(FLOOR, 0.0)
-    order = np.argsort(levels, kind="stable")
-    parts = [
-        part for part in np.array_split(order, LEVELS) if len(part) >= max(min(LEAST_PIXELS, len(order) // LEVELS), 1)
-    ]
+    ends = np.cumsum([len(part) for part in np.array_split(levels, LEVELS)])[:-1]
+    order = np.argpartition(levels, ends[ends < len(levels)])
+    least = max(min(LEAST_PIXELS, len(order) // LEVELS), 1)
+    parts = [part for part in np.split(order, ends) if len(part) >= least]
     brightness = np.array([float(np.mean(levels[part])) for part in parts])
     variance = np.array([(MAD_TO_SIGMA * float(np.median(np.abs(scatter[part])))) ** 2 for part in parts])
     if float(np.ptp(brightness)) > 1:

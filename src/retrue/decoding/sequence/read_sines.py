@@ -140,8 +140,8 @@ def _read_band(sequence: ArrangedSequence, noise: Noise, plans: Sequence[AxisPla
     top, bottom = max(rows.start - END_REACH, 0), min(rows.stop + END_REACH, height)
     around, inner = slice(top, bottom), slice(rows.start - top, rows.stop - top)
     columns = _lit_columns(sequence, plans[0].sines[0], noise, around)
-    cut = sequence.part(around, columns)
-    axes = [_read_axis(cut, plan.part(around, columns), noise) for plan in plans]
+    here = sequence.part(around, columns)
+    axes = [_read_axis(here, plan.part(around, columns), noise) for plan in plans]
     lit = reduce(np.logical_and, [axis.lit for axis in axes])
     full = reduce(np.logical_or, [axis.saturated for axis in axes])
     turned = reduce(np.logical_and, [_certain(axis, lit, p) for axis, p in zip(axes, plans, strict=True)])
@@ -158,10 +158,10 @@ def _read_band(sequence: ArrangedSequence, noise: Noise, plans: Sequence[AxisPla
         "beyond": lit & ~full & turned & ~within,
         "edge": good & ~flat,
     }
-    variance = np.mean([np.take(axis.variance[inner], pixels) for axis in axes], axis=0)
-    y, x = np.divmod(pixels, columns.stop - columns.start)
+    variance = reduce(np.add, [np.take(axis.variance[inner], pixels) for axis in axes]) / len(axes)
+    cut = columns.stop - columns.start
     return SineBand(
-        y * width + x + columns.start,
+        pixels + pixels // cut * (width - cut) + columns.start,
         {p.axis: np.take(a.px[inner], pixels).astype(np.float64) for a, p in zip(axes, plans, strict=True)},
         np.sqrt(variance.astype(np.float64)),
         2 * np.take(axes[0].modulation[inner], pixels).astype(np.float64),
@@ -190,7 +190,7 @@ def _read_axis(sequence: ArrangedSequence, plan: AxisPlan, noise: Noise) -> _Axi
     pixels = np.flatnonzero(may)
     wrapped: list[Wrapped] = []
     for sine, ripple in zip(plan.sines, plan.ripples, strict=True):
-        seen = [np.take(sequence.pictures[index], pixels) for index in sine.pictures]
+        seen = [np.take(sequence.pictures[index], pixels, mode="clip") for index in sine.pictures]
         wrapped.append(straightened(demodulate(seen, sine, noise), ripple, len(seen)))
     finest = wrapped[0]
     cue, trusted = (None, None) if plan.cue is None else read_cue(*plan.cue, every)

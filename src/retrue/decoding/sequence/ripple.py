@@ -31,13 +31,13 @@ LEAST_WEIGHT = 30.0
 def measure_ripple(parts: Sequence[tuple[Wrapped, BoolArray]], shifts: int) -> complex:
     """a exp(i b) of the ripple, in turns, from parts of the picture and where they are lit; 0 where none is seen."""
     noise = [float(np.median(sine.variance[lit])) for sine, lit in parts if lit.any()]
+    covered = [own for sine, lit in parts if len((own := _covered(sine.phase, lit, shifts))[0])]
+    weights = np.array([float(weight.sum(dtype=np.float64)) for _, weight in covered])
+    if len(weights) < FEWEST_PARTS or not weights.sum() > LEAST_WEIGHT:
+        return 0j
     ripple = 0j
     for _ in range(ROUNDS):
-        seen = [_moment(straightened(sine, ripple, shifts).phase, lit, shifts) for sine, lit in parts]
-        moments = np.array([moment for moment, _ in seen])
-        weights = np.array([weight for _, weight in seen])
-        if np.count_nonzero(weights) < FEWEST_PARTS or not weights.sum() > LEAST_WEIGHT:
-            return 0j
+        moments = np.array([_moment(_straight(phase, ripple, shifts), weight, shifts) for phase, weight in covered])
         mean = complex(np.sum(weights * moments) / np.sum(weights))
         spread = float(np.sqrt(np.sum(weights**2 * np.abs(moments - mean) ** 2)) / np.sum(weights))
         step = -mean / (np.pi * shifts)
@@ -51,30 +51,43 @@ def straightened(sine: Wrapped, ripple: complex, shifts: int) -> Wrapped:
     """The same without that ripple."""
     if not ripple:
         return sine
-    size, angle = np.float32(abs(ripple)), np.float32(np.angle(ripple))
-    turns = np.float32(2 * np.pi * shifts)
-    phase = sine.phase
-    for _ in range(2):
-        phase = sine.phase - size * np.sin(turns * phase + angle)
+    phase = _straight(sine.phase, ripple, shifts)
     return Wrapped(sine.period_px, phase - np.floor(phase), sine.variance, sine.modulation, sine.saturated)
 
 
-def _moment(phase: FloatImage, lit: BoolArray, shifts: int) -> tuple[complex, float]:
-    """The N-th moment of the phases of a part, and how many turns of projector it covers."""
+def _straight(seen: FloatImage, ripple: complex, shifts: int) -> FloatImage:
+    """Phases, but for whole turns, without that ripple."""
+    phase, size, angle = seen, np.float32(abs(ripple)), np.float32(np.angle(ripple))
+    for _ in range(2 if ripple else 0):
+        phase = seen - size * np.sin(np.float32(2 * np.pi * shifts) * phase + angle)
+    return phase
+
+
+def _covered(phase: FloatImage, lit: BoolArray, shifts: int) -> tuple[FloatImage, FloatImage]:
+    """The phases of a part, and how many turns of projector each pixel covers; those that cover none are left out.
+
+    By the slope over one ripple, which the ripple leaves as it is.
+    """
+    none = np.zeros(0, np.float32), np.zeros(0, np.float32)
     steps = [_slope(phase, lit, axis, 1) for axis in range(2)]
     usual = [float(np.median(step[step > 0])) / 2 if (step > 0).any() else 0.0 for step in steps]
     axis = int(np.argmax(usual))
     if not usual[axis] > 0:
-        return 0j, 0.0
-    reach = max(round(0.5 / (shifts * usual[axis])), 1)  # so that the slope is taken over one ripple
+        return none
+    reach = max(round(0.5 / (shifts * usual[axis])), 1)
     if not 2 * reach < phase.shape[axis]:
-        return 0j, 0.0
-    weight = _slope(phase, lit, axis, reach) / (2 * reach)
+        return none
+    weight = _slope(phase, lit, axis, reach) / np.float32(2 * reach)
     inner = phase[:, reach:-reach] if axis == 1 else phase[reach:-reach]
-    total = float(weight.sum(dtype=np.float64))
-    turns = np.float32(2 * np.pi * shifts) * inner
+    told = weight > 0
+    return inner[told], weight[told]
+
+
+def _moment(phase: FloatImage, weight: FloatImage, shifts: int) -> complex:
+    """The N-th moment of those phases."""
+    turns = np.float32(2 * np.pi * shifts) * phase
     along, across = (float(np.sum(weight * wave(turns), dtype=np.float64)) for wave in (np.cos, np.sin))
-    return (complex(along, -across) / total, total) if total > 0 else (0j, 0.0)
+    return complex(along, -across) / float(weight.sum(dtype=np.float64))
 
 
 def _slope(phase: FloatImage, lit: BoolArray, axis: int, reach: int) -> FloatImage:

@@ -18,7 +18,7 @@ from retrue.decoding.gray.faults import CAPTURE
 from retrue.decoding.light import FULL
 from retrue.decoding.sequence.hypotheses import LATEST, Sample, repeated_pictures, take_sample
 from retrue.decoding.sequence.noise import measure_noise
-from retrue.decoding.sequence.sine_gains import fit_sine_gains, sine_misfit
+from retrue.decoding.sequence.sine_gains import brightness, fit_sine_gains, fit_sine_share, odd_pictures, sine_misfit
 from retrue.errors import CaptureError, InputError
 from retrue.geometry.arrays import BoolArray, FloatArray, Image
 from retrue.patterns.sequence import AXES, Frame, FrameSequence, Sine
@@ -36,15 +36,12 @@ LEAST_TELLING = 0.02
 DARK = 0.2
 """Of the usual brightness: pictures before the first."""
 GAMMAS = (0.45, 0.6, 0.75, 1.4, 1.8, 2.2, 2.6)
-LEAST_SHARE, LARGEST_SHARE = 0.05, 0.45
 LEAST_SPREAD = 1.15
 """Of gains that cannot be told, to be named."""
 LEAST_GAINS = 1.03
 """Of gains that are taken out."""
 BETTER = 0.5
 """Of what no scene explains, that gains which are believed leave."""
-FEWEST_PERIODS = 4
-"""Over the projector, of a sine whose phases a scene shows about alike."""
 MOST_PERIODS = 64
 COARSE_FIRST = "the coarse sines come before the fine ones"
 ROWS_FIRST = "the row pictures come before the column pictures"
@@ -87,6 +84,11 @@ def find_sine_fault(spec: FrameSequence, grey: Sequence[Image], names: Sequence[
     share, gains = _light(sample, spec, ended)
     as_it_was = sample.corrected(np.ones(len(grey)) if gains is None else gains, share)
     here = as_it_was.here
+    odd = odd_pictures(sample.here, spec, here)
+    if not odd and (share or gains is not None):
+        odd = odd_pictures(here, spec, here)
+    if odd:
+        return _without_odd(odd, spec, grey, names)
     held = agreement(here, spec)
     if not held > HOLDS:
         as_it_was = _telling(as_it_was, spec, grey)
@@ -127,9 +129,11 @@ def find_sine_fault(spec: FrameSequence, grey: Sequence[Image], names: Sequence[
         part = _agreement_of(sample.here[shown], spec.frames[: len(shown)], spec)
         if part is not None and part > max(held + CLEAR, HOLDS):
             return _unreadable(f"every picture shows what belongs {late} earlier: the camera is late by {late}")
+    if turned := _on_its_head(range(len(grey)), spec, grey, names):
+        return _unreadable(turned)
     if periods := _periods(sample.here, spec):
         return _unreadable(periods)
-    spread = _brightness(sample, spec)
+    spread = brightness(sample.here, spec)
     if spread > LEAST_SPREAD:
         return _unreadable(f"{_unlike(spread)}: switch automatic exposure off")
     raise CaptureError(
@@ -150,7 +154,7 @@ def _unlike(spread: float) -> str:
 def _light(sample: Sample, spec: FrameSequence, ended: BoolArray) -> tuple[float, FloatArray | None]:
     """The share of the picture before in each, and the gains of the pictures; 0 and None where they explain nothing."""
     ones = np.ones(len(sample.here))
-    share = _share(sample, spec)
+    share = fit_sine_share(sample, spec)
     mixed = sample.corrected(ones, share)
     if share and agreement(mixed.here, spec) < agreement(sample.here, spec) - CLEAR / 3:
         share, mixed = 0.0, sample
@@ -329,40 +333,31 @@ def _repeated(sample: Sample, spec: FrameSequence) -> tuple[int, int] | None:
     return None
 
 
-def _share(sample: Sample, spec: FrameSequence) -> float:
-    """The share s of the picture before in each, which leaves a sine's mean s (before - last) / N too large.
-
-    Least squares over the pixels, of the differences of two sines' means.
-    """
-    level: list[FloatArray] = []
-    change: list[FloatArray] = []
-    for sine in (sine for axis in spec.axes for sine in spec.sines(axis)):
-        start, end = min(sine.pictures), max(sine.pictures)
-        if end - start + 1 != len(sine.pictures):
-            continue  # between other pictures
-        level.append(np.mean(sample.here[list(sine.pictures)], axis=0))
-        before = sample.here[start - 1] if start else sample.here[end]
-        change.append((before - sample.here[end]) / len(sine.pictures))
-    if len(level) < 2:
-        return 0.0
-    y = np.concatenate([a - b for a, b in pairwise(level)])
-    x = np.concatenate([a - b for a, b in pairwise(change)])
-    power = float(x @ x)
-    slope = float(x @ y) / power if power > 0 else 0.0
-    explained = float(np.median(np.abs(y - slope * x))) < 0.7 * float(np.median(np.abs(y)))
-    share = slope / (1 + slope) if slope > -1 else 0.0
-    return share if explained and LEAST_SHARE < share < LARGEST_SHARE else 0.0
+def _without_odd(odd: Sequence[int], spec: FrameSequence, grey: Sequence[Image], names: Sequence[str]) -> SineFault:
+    """Of pictures of which one shows something else: left out where it is known, else named."""
+    if len(odd) > 1:
+        shows = f"one of {', '.join(names[k] for k in odd)} shows something else than its sine: take the capture again"
+        return _unreadable(_on_its_head(odd, spec, grey, names) or shows)
+    left = replace(
+        spec, frames=tuple(Frame("ignore") if k in odd else f for k, f in enumerate(spec.frames)), layout=None
+    )
+    rest = find_sine_fault(left, grey, names) or SineFault((), left, 0.0, None, {})
+    shows = f"{names[odd[0]]} shows something else than the others of its sine, and is left out"
+    return replace(rest, causes=(shows, *rest.causes))
 
 
-def _brightness(sample: Sample, spec: FrameSequence) -> float:
-    """Largest over smallest mean of the pictures of a fine sine, whose phases are all seen alike."""
-    spreads = [1.0]
-    for axis in spec.axes:
-        sine = spec.sines(axis)[0] if spec.sines(axis) else None
-        if sine is not None and spec.projector_size[axis] >= FEWEST_PERIODS * sine.period_px:
-            level = sample.here[list(sine.pictures)].mean(axis=1)
-            spreads.append(float(level.max() / max(level.min(), 1e-6)))
-    return max(spreads)
+def _on_its_head(asked: Sequence[int], spec: FrameSequence, grey: Sequence[Image], names: Sequence[str]) -> str:
+    """Which of those pictures, turned half round, makes all agree; nothing where none does."""
+
+    def agreed(turned: int) -> float:
+        pictures = [image[::-1, ::-1] if k == turned else image for k, image in enumerate(grey)]
+        sample = take_sample(pictures, np.random.default_rng(0))
+        return 0.0 if sample is None else agreement(sample.here, spec)
+
+    fits = {k: agreed(k) for k in asked}
+    best = max(fits, key=lambda k: fits[k])
+    told = fits[best] > max(agreed(-1) + CLEAR, HOLDS)
+    return f"{names[best]} stands on its head beside the others: take the capture again" if told else ""
 
 
 def _periods(here: FloatArray, spec: FrameSequence) -> str:
