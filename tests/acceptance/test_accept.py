@@ -7,7 +7,7 @@ from retrue.acceptance.accept import ArtefactNotFound, FewPoints, TooSmall, acce
 from retrue.acceptance.artefact import parse_artefact
 from retrue.acceptance.fits import fit_sphere
 from retrue.acceptance.options import AcceptOptions
-from retrue.acceptance.search import _on_cap, find_plane
+from retrue.acceptance.search import feet_on_sphere, find_plane, within_cap
 from retrue.errors import InputError
 from retrue.geometry.sphere import sphere_through
 from retrue.geometry.transform import RigidTransform
@@ -98,14 +98,21 @@ def test_noise_across_a_ball_is_that_of_each_points_covariance():
     assert ratio.std() < 1e-3 * ratio.mean()
 
 
-def test_a_cap_is_cut_by_rays_so_that_noise_chooses_no_points():
-    centre, radius = np.array([0.0, 0.0, 600.0]), 20.0
-    tilt = np.radians(59.9)
-    rim = centre + radius * np.array([np.sin(tilt), 0.0, -np.cos(tilt)])
-    for along in (0.998, 1.0, 1.002):  # 1.2 mm off turns it about the centre by 3 degrees
-        assert _on_cap(along * rim[None], centre, radius, 60.0).all() == (np.degrees(tilt) < 60.0)
-    behind = centre + radius * np.array([np.sin(0.3), 0.0, np.cos(0.3)])
-    assert not _on_cap(behind[None], centre, radius, 60.0).any()
+def test_a_cap_is_cut_where_noise_chooses_no_points():
+    random, centre, radius = np.random.default_rng(6), np.array([0.0, 0.0, 600.0]), 20.0
+    tilt, turn = np.radians(random.uniform(55, 65, 40_000)), random.uniform(0, 2 * np.pi, 40_000)
+    normals = np.column_stack([np.sin(tilt) * np.cos(turn), np.sin(tilt) * np.sin(turn), -np.cos(tilt)])
+    ray, across = np.array([0.12, 0.0, 1.0]), np.diag([0.04, 0.04, 0.0])
+    noise = np.tile(0.2 * np.outer(ray, ray) + across, (len(tilt), 1, 1))
+    X = centre + radius * normals + random.multivariate_normal(np.zeros(3), noise[0], len(tilt))
+    feet = feet_on_sphere(X, noise, centre, radius)
+    away, sideways = np.linalg.norm(X - centre, axis=1) - radius, np.linalg.norm(X[:, :2], axis=1)
+    fair, by_rays = (
+        away[chosen].mean() / (away[chosen].std() / np.sqrt(chosen.sum()))
+        for chosen in (within_cap(feet, centre, 60.0), sideways < radius * np.sin(np.radians(60.0)))
+    )
+    assert abs(fair) < 4
+    assert by_rays < -8
 
 
 def test_form_is_repeated_within_its_uncertainty(bar):

@@ -351,7 +351,7 @@ def _noise(cloud: Cloud, rows: IntArray) -> FloatArray:
 
 def _balls(cloud: Cloud, artefact: Artefact, options: AcceptOptions) -> list[tuple[FloatArray, IntArray]]:
     assert artefact.diameter is not None
-    return find_balls(cloud.points, artefact.diameter.value / 2, options.cap_deg)
+    return find_balls(cloud.points, artefact.diameter.value / 2, options.cap_deg, lambda rows: _noise(cloud, rows))
 
 
 def _fitted_ball(cloud: Cloud, rows: IntArray, artefact: Artefact, options: AcceptOptions) -> Element | Reason:

@@ -6,6 +6,7 @@ place, while the votes of anything else scatter. The normals are of planes throu
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import Any, cast
 
 import numpy as np
@@ -19,6 +20,7 @@ PER_RADIUS = 8  # cells of the thinned cloud
 REACH = 0.35  # of the radius: neighbours that tell a normal
 SPREAD = 0.15  # of the radius: votes for one centre
 NEAR = 0.2  # of the radius: what lies so far from the sphere belongs to it still
+MARGIN_DEG = 10.0  # about a cap, in which points are asked where their feet lie
 FEWEST_NEIGHBOURS = 6
 MOST_BALLS = 4  # asked, from the one with the most votes
 FAINTEST = 0.2  # of the most votes
@@ -30,10 +32,13 @@ LINK = 2.5  # cells between parts of one plane
 SIDE_CELLS = 120  # of the cloud's size
 
 
-def find_balls(points: FloatArray, radius: float, cap_deg: float) -> list[tuple[FloatArray, IntArray]]:
+def find_balls(
+    points: FloatArray, radius: float, cap_deg: float, noise: Callable[[IntArray], FloatArray]
+) -> list[tuple[FloatArray, IntArray]]:
     """Centre (3,) and points (indices) of each ball of that radius, the one with the most votes first.
 
-    Points count within the cap of so many degrees about the line to the camera, and near the sphere.
+    Points count near the sphere, whose feet on it (`feet_on_sphere`) lie within the cap of so many degrees about the
+    line to the camera; `noise` tells the covariances (M, 3, 3) of M points (indices).
     """
     thin = _thinned(points, radius / PER_RADIUS)
     normals = _normals(thin, REACH * radius)
@@ -50,7 +55,9 @@ def find_balls(points: FloatArray, radius: float, cap_deg: float) -> list[tuple[
         centre = votes[tree.query_ball_point(best, SPREAD * radius)].mean(axis=0)
         count[tree.query_ball_point(best, radius)] = 0
         centre = _settled(points, centre, radius, cap_deg)
-        rows = np.flatnonzero(_on_cap(points, centre, radius, cap_deg))
+        rows = np.flatnonzero(_near_cap(points, centre, radius, cap_deg + MARGIN_DEG))
+        feet = feet_on_sphere(points[rows], noise(rows), centre, radius)
+        rows = rows[within_cap(feet, centre, cap_deg)]
         if len(rows) >= FEWEST_NEIGHBOURS and _is_ball(points[rows], centre, radius):
             found.append((centre, rows))
     return found
@@ -125,12 +132,31 @@ def _normals(points: FloatArray, reach: float) -> FloatArray:
     return normals
 
 
-def _on_cap(points: FloatArray, centre: FloatArray, radius: float, cap_deg: float) -> BoolArray:
-    """Points near the sphere, whose rays meet it within so many degrees of the line to the camera.
+def feet_on_sphere(points: FloatArray, noise: FloatArray, centre: FloatArray, radius: float) -> FloatArray:
+    """(N, 3) where on the sphere each point most likely comes from, to first order,
 
-    By their rays, not by where they lie on these: of points about the cap's rim those whose noise points outwards
-    would count, the others not, and the ball would grow.
+        X - C n (|X - centre| - radius) / (n^T C n),    n outwards.
+
+    It errs independently of the distance to the sphere, so that a cap that is cut by it is fair. By rays it would not
+    be: of points about its rim, those that noise moves inwards across their rays would count, and the ball would
+    shrink; nor by the points themselves, whose noise along the rays would make it grow.
     """
+    away = points - centre
+    length = np.linalg.norm(away, axis=1, keepdims=True)
+    normals = away / length
+    by_normal = (noise @ normals[:, :, None])[:, :, 0]
+    along = (by_normal * normals).sum(axis=1, keepdims=True)
+    return points - by_normal * (length - radius) / along
+
+
+def within_cap(points: FloatArray, centre: FloatArray, cap_deg: float) -> BoolArray:
+    """Points less than so many degrees from the line to the camera, seen from the centre."""
+    away, towards = points - centre, -centre / np.linalg.norm(centre)
+    return away @ towards > np.cos(np.radians(cap_deg)) * np.linalg.norm(away, axis=1)
+
+
+def _near_cap(points: FloatArray, centre: FloatArray, radius: float, cap_deg: float) -> BoolArray:
+    """Points near the sphere, whose rays meet it within so many degrees of the line to the camera."""
     away = points - centre
     near = np.abs(np.linalg.norm(away, axis=1) - radius) < NEAR * radius
     far = float(np.linalg.norm(centre))
@@ -142,7 +168,7 @@ def _on_cap(points: FloatArray, centre: FloatArray, radius: float, cap_deg: floa
 def _settled(points: FloatArray, centre: FloatArray, radius: float, cap_deg: float) -> FloatArray:
     """The centre of the sphere of that radius that most points near it lie on."""
     for _ in range(10):
-        rows = _on_cap(points, centre, radius, cap_deg)
+        rows = _near_cap(points, centre, radius, cap_deg)
         if rows.sum() < FEWEST_NEIGHBOURS:
             break
         away: FloatArray = points[rows] - centre

@@ -8,20 +8,21 @@ grid: a binomial that nothing crosses a depth jump with.
 from __future__ import annotations
 
 from dataclasses import replace
+from math import comb
 
 import numpy as np
 
 from retrue.errors import InputError
 from retrue.geometry.arrays import BoolArray, FloatArray
-from retrue.geometry.walks import walked
+from retrue.geometry.walks import STEP_WEIGHT, walked
 from retrue.reconstruction.cloud import Cloud, require_cloud
 from retrue.reconstruction.surface_grid import SurfaceGrid, surface_grid
 
 CELLS_PER_STEP = 160  # the walk takes one step for so many cells of the longer side,
 FEWEST_STEPS, MOST_STEPS = 2, 32  # within these
 BAND = 256  # rows at a time, to save memory
-QUADRIC = 6  # coefficients
-WORST_CONDITION = 1e13  # of their moments: beyond it the neighbours tell no quadric
+PLANE, QUADRIC = 3, 6  # coefficients
+WORST_CONDITION = {PLANE: 1e10, QUADRIC: 1e13}  # of their moments: beyond it the neighbours tell none
 FLATTEST = 1e-9  # determinant of the moments, relative to the product of their diagonal: points on a line
 
 
@@ -40,50 +41,83 @@ def surface_normals(points: FloatArray, grid: SurfaceGrid) -> FloatArray:
     return -n / np.linalg.norm(n, axis=1, keepdims=True)
 
 
-def bent_normals(points: FloatArray, grid: SurfaceGrid) -> FloatArray:
-    """The same of the quadrics of w through the neighbours: at a rim, whose neighbours all lie to one side, a plane has
-    the normal further inside. Where too few neighbours tell a quadric, that of the plane.
+def bent_gradients(points: FloatArray, grid: SurfaceGrid) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """How w goes with the ray (x, y) at each of N points, by the quadric of w through the neighbours: at a rim, whose
+    neighbours all lie to one side, a plane has the slope further inside. Where they tell no quadric, that of the plane.
+
+    Returns
+    -------
+    (N, 2) the slopes, NaN where there is none; (N, 2, 2) their covariance where w errs by one; and (N,) the variance of
+    w as the neighbours leave it, each of which noise and what no quadric follows are part of.
     """
-    found = surface_normals(points, grid)
+    slopes, covariance, left = (
+        np.full((len(points), 2), np.nan),
+        np.full((len(points), 2, 2), np.inf),
+        np.zeros(len(points)),
+    )
     steps = _steps(grid)
     height = grid.index.shape[0]
     for top in range(0, height, BAND):
         first, last = max(0, top - steps), min(height, top + BAND + steps)
-        n = _tangents_of_quadrics(points, grid, slice(first, last), steps)[top - first : top - first + BAND]
-        index = grid.index[top : top + BAND]
-        told = (index >= 0) & np.isfinite(n[..., 0])
-        found[index[told]] = -n[told] / np.linalg.norm(n[told], axis=1, keepdims=True)
-    return found
+        index = grid.index[first:last]
+        inner = np.zeros(index.shape, np.bool_)
+        inner[top - first : top - first + BAND] = True
+        sums, x, y, size = _moments(points, grid, slice(first, last), steps)
+        for terms in (QUADRIC, PLANE):
+            asked = inner & (index >= 0) & (sums[0, 0] > 0)
+            asked[asked] = np.isnan(slopes[index[asked], 0])
+            values, vectors = np.linalg.eigh(np.moveaxis(sums[:terms, :terms, asked], -1, 0))
+            sound = values[:, 0] > values[:, -1] / WORST_CONDITION[terms]
+            told, vectors = asked.copy(), vectors[sound]
+            told[asked] = sound
+            inverse = (vectors / values[sound, None]) @ vectors.swapaxes(1, 2)
+            moments = np.moveaxis(sums[:, :, told], -1, 0)
+            w = moments[:, :terms, -1]
+            a = (inverse @ w[:, :, None])[:, :, 0]
+            slope = _slope(x[told], y[told])[:, :, :terms] / size
+            rows, total, independent = index[told], moments[:, 0, 0], STEP_WEIGHT**steps / _shared(steps)
+            slopes[rows] = (slope @ a[:, :, None])[:, :, 0]
+            covariance[rows] = _shared(steps) * slope @ inverse @ slope.swapaxes(1, 2)
+            square = np.maximum(moments[:, -1, -1] - (a * w).sum(axis=1), 0.0) / total
+            left[rows] = square * independent / (independent - terms)
+    return slopes, covariance, left
 
 
 def _steps(grid: SurfaceGrid) -> int:
     return min(max(FEWEST_STEPS, max(grid.index.shape) // CELLS_PER_STEP), MOST_STEPS)
 
 
-def _tangents_of_quadrics(points: FloatArray, grid: SurfaceGrid, rows: slice, steps: int) -> FloatArray:
-    """n / d (h, W, 3) of the plane that touches the quadric w(x, y) at each cell of those rows; NaN: none is told."""
+def _shared(steps: int) -> float:
+    """Sum of squares over the sum of a walk's weights: what the variance of a weighted mean of equals is, times it."""
+    return STEP_WEIGHT**steps * (comb(4 * steps, 2 * steps) / 4 ** (2 * steps)) ** 2
+
+
+def _moments(
+    points: FloatArray, grid: SurfaceGrid, rows: slice, steps: int
+) -> tuple[FloatArray, FloatArray, FloatArray, float]:
+    """(7, 7, h, W) sums over the neighbours of the products of 1, x, y, x^2, xy, y^2 and w, and x, y and their unit."""
     index = grid.index[rows]
     there = index >= 0
     rays = np.where(there[..., None], points[index, :2] / points[index, 2:], 0.0)
     centre, size = rays[there].mean(axis=0) if there.any() else np.zeros(2), max(float(np.ptp(rays)), 1e-9)
     x, y = np.moveaxis((rays - centre) / size * there[..., None], -1, 0)
+    w = grid.w[rows]
+    level = float(np.median(w[there])) if there.any() else 0.0
     right = grid.right[rows].astype(np.float64)[..., None]
     down = grid.down[rows.start : rows.stop - 1].astype(np.float64)[..., None]
-    terms = np.stack([there.astype(np.float64), x, y, x * x, x * y, y * y], axis=-1)
-    i, j = np.triu_indices(QUADRIC)
-    w = np.where(there, grid.w[rows], 0.0)[..., None]
-    sums = walked(np.concatenate([terms[..., i] * terms[..., j], terms * w], axis=-1), right, down, steps)
-    moments = np.zeros((*index.shape, QUADRIC, QUADRIC))
-    moments[..., i, j] = moments[..., j, i] = sums[..., : len(i)]
-    plane = np.full((*index.shape, 3), np.nan)
-    known = there & (walked(terms[..., :1], right, down, steps)[..., 0] > 0)
-    known[known] = np.linalg.cond(moments[known]) < WORST_CONDITION
-    a = np.linalg.solve(moments[known], sums[known][:, len(i) :, None])[..., 0]
-    x, y = x[known], y[known]
-    w_x, w_y = (a[:, 1] + 2 * a[:, 3] * x + a[:, 4] * y) / size, (a[:, 2] + a[:, 4] * x + 2 * a[:, 5] * y) / size
-    ray = rays[known]
-    plane[known] = np.stack([w_x, w_y, grid.w[rows][known] - w_x * ray[:, 0] - w_y * ray[:, 1]], axis=1)
-    return plane
+    terms = np.stack([there.astype(np.float64), x, y, x * x, x * y, y * y, np.where(there, w - level, 0.0)], axis=-1)
+    i, j = np.triu_indices(QUADRIC + 1)
+    sums = np.empty((QUADRIC + 1, QUADRIC + 1, *index.shape))
+    sums[i, j] = sums[j, i] = np.moveaxis(walked(terms[..., i] * terms[..., j], right, down, steps), -1, 0)
+    return sums, x, y, size
+
+
+def _slope(x: FloatArray, y: FloatArray) -> FloatArray:
+    """(N, 2, 6) of 1, x, y, x^2, xy, y^2 by x and by y."""
+    none, one = np.zeros_like(x), np.ones_like(x)
+    return np.stack(
+        [np.stack([none, one, none, 2 * x, y, none], axis=-1), np.stack([none, none, one, none, x, 2 * y], axis=-1)], 1
+    )
 
 
 def local_planes(

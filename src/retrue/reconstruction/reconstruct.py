@@ -133,7 +133,8 @@ def _with_sigma(
 def _with_albedo(cloud: Cloud, rig: Rig, points: Correspondences) -> Cloud:
     if cloud.cells is None or points.colors is None:
         raise InputError("albedo: expected coloured points of a capture with a grid, whose neighbours tell normals")
-    return replace(cloud, colors=albedo(rig, points, cloud.points, surface_grid(cloud.points, cloud.cells)))
+    grid = surface_grid(cloud.points, cloud.cells)
+    return replace(cloud, colors=albedo(rig, points, cloud.points, cloud.sigma, grid))
 
 
 def _without_strays(cloud: Cloud, grid: SurfaceGrid, cut: BoolArray) -> tuple[Cloud, BoolArray]:
