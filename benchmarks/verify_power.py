@@ -38,7 +38,7 @@ FALSE_ALARMS = 1e-3
 # The rig's own pose, intrinsics and planes are exact here, so that the statistic is that of the points alone.
 EXACT = VerifyOptions(
     FALSE_ALARMS,
-    RecalibrateOptions(
+    estimate=RecalibrateOptions(
         focal_sigma=1e-9,
         principal_point_sigma_px=1e-6,
         k1_sigma=1e-9,
