@@ -133,7 +133,7 @@ def outlying(over: FloatArray, wrong: FloatArray, share: float) -> BoolArray:
     out = over[order]
     out = out[: int(np.searchsorted(-out, 0.0))]  # on this side
     count = np.arange(1, len(out) + 1)
-    expected = share * (len(wrong) - np.searchsorted(np.sort(wrong), out))
+    expected = share * (len(wrong) - np.searchsorted(np.sort(wrong), out) + 0.5)  # the half is Jeffreys'
     inwards = np.append(out[1:], out[-1:])
     right = (count + 1) * (inwards / out) ** 2
     there = (ODDS * right < expected) & (nats_beyond_chance(count, expected) < CHANCE_NATS)
