@@ -20,7 +20,6 @@ WIDE, ENOUGH = 120.0, 100  # sigma; matches: how deep few wrong ones lie, so man
 NEIGHBOURS = 4
 ODDS = 2.0  # of chance over what the others explain
 CHANCE_NATS = 12.0  # what five free parameters find among points that lie anywhere
-TINY = 1e-300
 
 
 def without_chance(fit: PoseFit, aside: BoolArray | None) -> PoseFit:
@@ -116,7 +115,7 @@ def nats_beyond_chance(found: Any, expected: Any) -> Any:
     >>> float(nats_beyond_chance(3.0, 3.0)), round(float(nats_beyond_chance(4.0, 1.0)), 2)
     (0.0, 2.55)
     """
-    return found * np.log(found / np.maximum(expected, TINY)) - (found - expected)
+    return found * np.log(found / expected) - (found - expected)
 
 
 def outlying(over: FloatArray, wrong: FloatArray, share: float) -> BoolArray:

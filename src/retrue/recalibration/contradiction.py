@@ -58,8 +58,9 @@ def differing_capture(measured: Measured, rays: Rays, answer: Posterior) -> tupl
             others = _own_pose(measured.select(~mine), answer)
         except DegenerateError:  # it says nothing by itself
             continue
-        theirs = others.covariance + taken_up(others)
-        deviations = max(_apart(own, answer.pose, answer.covariance, 0.0), _apart(own, others.pose, theirs, theirs))
+        mine_alone, theirs = (fit.covariance + taken_up(fit) for fit in (own, others))
+        from_joint = _apart(own, answer.pose, answer.covariance, mine_alone)  # which rests on it, too
+        deviations = max(from_joint, _apart(own, others.pose, theirs, mine_alone + theirs))
         if deviations > furthest[1]:
             furthest = capture, deviations
     return furthest
@@ -72,11 +73,7 @@ def _own_pose(measured: Measured, answer: Posterior) -> Posterior:
     return posterior_at(measured, fit_posterior(apart, answer.parameters, prior, 6).parameters, prior)
 
 
-def _apart(own: Posterior, pose: TwoViewPose, covariance: FloatArray, besides: FloatArray | float) -> float:
-    """In sigma: by how far its own pose is off another, and by what its points say of that, whichever is less.
-
-    `besides` its own covariance, with the slow errors that it takes up, is that of the distance.
-    """
-    distance = own.covariance + taken_up(own) + besides
-    deviations = float(np.sqrt(squared_sigmas(pose, own.pose, distance)))
+def _apart(own: Posterior, pose: TwoViewPose, covariance: FloatArray, of_distance: FloatArray) -> float:
+    """In sigma: by how far its own pose is off another, and by what its points say of that, whichever is less."""
+    deviations = float(np.sqrt(squared_sigmas(pose, own.pose, of_distance)))
     return min(deviations, contradiction(own, pose, covariance)) if deviations > MOST_DEVIATIONS else deviations
