@@ -39,7 +39,7 @@ def normalised_errors(amplitude: float) -> tuple[float, float]:
         found = answer(seed, amplitude)
         error = pose_difference(own_pose(RIG), found.pose)
         alone.append(float(error @ np.linalg.solve(found.covariance, error)))
-        whole.append(float(error @ np.linalg.solve(found.covariance + taken_up(found), error)))
+        whole.append(float(error @ np.linalg.solve(found.covariance + taken_up(found).covariance, error)))
     return float(np.mean(alone)), float(np.mean(whole))
 
 
@@ -76,7 +76,7 @@ def test_it_is_what_brute_force_has_it() -> None:
             total, second = total + evidence, second + evidence * prior
     own = np.delete(np.arange(len(cross)), np.arange(8) + 5 + 3 * len(found.pose.planes))
     follows = np.linalg.solve(found.information[np.ix_(own, own)], cross[own])[:5]
-    np.testing.assert_allclose(taken_up(found), follows @ (second / total) @ follows.T, rtol=1e-2, atol=1e-12)
+    np.testing.assert_allclose(taken_up(found).covariance, follows @ (second / total) @ follows.T, rtol=1e-2, atol=1e-12)
 
 
 def derivative(found: Posterior, parameter: int) -> np.ndarray:

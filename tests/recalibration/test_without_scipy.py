@@ -6,15 +6,24 @@ import sys
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
-from scipy.special import chdtri
+from scipy.special import chdtrc, chdtri
 
 from retrue.geometry.transform import vector_from_rotation
-from retrue.recalibration.chance import deviations_limit
+from retrue.recalibration.chance import deviations_limit, deviations_of_mixture
 
 
-@pytest.mark.parametrize("share", [0.5, 0.1, 1e-3, 1e-9])
+@pytest.mark.parametrize("share", [1 - 1e-6, 0.5, 0.1, 1e-3, 1e-9, 1e-50, 1e-290])
 def test_limit_is_the_quantile_of_chi_with_five_degrees_of_freedom(share: float) -> None:
     assert deviations_limit(share) == pytest.approx(np.sqrt(chdtri(5, share)), rel=1e-12)
+
+
+@pytest.mark.parametrize("scale", [0.0, 0.1, 1.0, 3.0, 10.0, 100.0])
+def test_a_mixture_is_exceeded_as_seldom_as_its_parts_together(scale: float) -> None:
+    weights, deviations = np.array([0.7, 0.2, 0.1]), scale * np.array([2.0, 1.5, 1.0])
+    found = deviations_of_mixture(weights, deviations)
+    assert deviations.min() <= found <= deviations.max()
+    if scale < 30:
+        assert chdtrc(5, found**2) == pytest.approx(weights @ chdtrc(5, deviations**2), rel=1e-6)
 
 
 @pytest.mark.parametrize("angle", [0.0, 1e-12, 1e-6, 0.1, 2.0, np.pi - 1e-7, np.pi])

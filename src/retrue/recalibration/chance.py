@@ -69,12 +69,29 @@ def beyond_chance(preferred: FloatArray) -> float:
 
 def deviations_limit(false_alarms: float) -> float:
     """Sigma that so large a share of good rigs exceeds: chi with five degrees of freedom."""
-    d = 5.0
-    for _ in range(NEWTON_STEPS):  # P(chi > d) = erfc(d / sqrt 2) + sqrt(2 / pi) exp(-d^2 / 2) (d + d^3 / 3)
+    d = max(5.0, sqrt(-2 * log(false_alarms)))
+    for _ in range(NEWTON_STEPS):
         density = sqrt(2 / pi) * exp(-(d**2) / 2)
-        share = erfc(d / sqrt(2)) + density * (d + d**3 / 3)
+        share = share_beyond(d)
         d += share / (density * d**4 / 3) * log(share / false_alarms)
     return d
+
+
+def share_beyond(d: float) -> float:
+    """P(chi > d) of five degrees of freedom: erfc(d / sqrt 2) + sqrt(2 / pi) exp(-d^2 / 2) (d + d^3 / 3)."""
+    return erfc(d / sqrt(2)) + sqrt(2 / pi) * exp(-(d**2) / 2) * (d + d**3 / 3)
+
+
+def deviations_of_mixture(weights: FloatArray, deviations: FloatArray) -> float:
+    """Sigma of one part that are exceeded as seldom as those of a mixture are, `deviations` by that of each part alone.
+
+    >>> round(deviations_of_mixture(np.array([1.0, 0.0]), np.array([4.0, 1.0])), 2)
+    4.0
+    >>> round(deviations_of_mixture(np.array([0.9, 0.1]), np.array([8.0, 1.0])), 2)
+    3.06
+    """
+    share = float(sum(weight * share_beyond(d) for weight, d in zip(weights, deviations, strict=True)))
+    return deviations_limit(share) if 1e-300 < share < 1 - 1e-9 else float(deviations.min())
 
 
 NEWTON_STEPS = 20

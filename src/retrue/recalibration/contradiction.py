@@ -58,7 +58,7 @@ def differing_capture(measured: Measured, rays: Rays, answer: Posterior) -> tupl
             others = _own_pose(measured.select(~mine), answer)
         except DegenerateError:  # it says nothing by itself
             continue
-        mine_alone, theirs = (fit.covariance + taken_up(fit) for fit in (own, others))
+        mine_alone, theirs = (fit.covariance + taken_up(fit).covariance for fit in (own, others))
         from_joint = _apart(own, answer.pose, answer.covariance, mine_alone)  # which rests on it, too
         deviations = max(from_joint, _apart(own, others.pose, theirs, mine_alone + theirs))
         if deviations > furthest[1]:

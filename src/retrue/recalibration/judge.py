@@ -29,7 +29,7 @@ from retrue.recalibration.candidates import (
     starting_poses,
     with_planes,
 )
-from retrue.recalibration.chance import deviations_limit
+from retrue.recalibration.chance import deviations_limit, deviations_of_mixture
 from retrue.recalibration.consensus import quieter_majorities
 from retrue.recalibration.contradiction import MOST_DEVIATIONS, differing_capture
 from retrue.recalibration.fit import Support, carried, own_pose, squared_sigmas
@@ -85,7 +85,7 @@ from retrue.recalibration.rivals import (
     ranked,
     same_answer,
 )
-from retrue.recalibration.slow_errors import taken_up
+from retrue.recalibration.slow_errors import TakenUp, taken_up
 from retrue.recalibration.swapped import move_if_exchanged
 from retrue.recalibration.together import pose_with_lenses
 from retrue.recalibration.turned import turned_over
@@ -109,7 +109,7 @@ class Judgement:
     compared : the same on the points that hypotheses were compared on.
     rivals : the others.
     near : those of them that are not beaten, and so near that they only make the answer less sure.
-    slow : (5, 5) what slow errors that it took up add to the covariance of the answer's pose.
+    slow : what slow errors that it took up add to the covariance of the answer's pose.
     covariance : (5, 5) of that pose, these and those near counted.
     lens : what the points say of the lenses.
     outside : (N,) points that the answer does not explain.
@@ -125,7 +125,7 @@ class Judgement:
     compared: Posterior
     rivals: tuple[Rival, ...]
     near: tuple[Rival, ...]
-    slow: FloatArray
+    slow: TakenUp
     covariance: FloatArray
     lens: LensEvidence
     outside: BoolArray
@@ -262,7 +262,7 @@ def judge(rig: Rig, captures: Sequence[Correspondences], options: RecalibrateOpt
     loudest = loudest_px(captures, options.max_noise_px) if photographs else options.max_noise_px
     near = tuple(near_rivals(answer, rivals, rig, options))
     slow = taken_up(answer)
-    covariance = answer.covariance + slow + spread(answer, near)
+    covariance = answer.covariance + slow.covariance + spread(answer, near)
     return Judgement(
         rays, whole, answer, best, rivals, near, slow, covariance, lens, outside, part, differing, exchanged, loudest
     )
@@ -322,16 +322,19 @@ def objection(
 def drift(rig: Rig, judgement: Judgement, options: RecalibrateOptions) -> float:
     """By how many sigma the captures contradict the rig's own pose: chi with five degrees of freedom if it holds.
 
-    The nearest explanation counts, of those that the captures do not tell apart.
+    The nearest explanation counts, of those that the captures do not tell apart; what slow errors it took up is not
+    known, so that sigma are those exceeded as seldom as its distance is over all of them.
     """
-    own = own_covariance(rig, options)
+    own, old = own_covariance(rig, options), own_pose(rig)
     unbeaten = [rival.posterior for rival in judgement.rivals if not rival.margin >= options.min_margin]
     possible = [(judgement.answer, judgement.slow), *((fit, taken_up(fit)) for fit in unbeaten)]
-    old, found = own_pose(rig), list[float]()
+    found: list[float] = []
     for fit, slow in possible:
         there = carried(old, fit.pose)
-        found.append(squared_sigmas(old, fit.pose, fit.covariance + slow + there @ own @ there.T))
-    return float(np.sqrt(min(found)))
+        covariances = fit.covariance + there @ own @ there.T + slow.covariances
+        squares = [squared_sigmas(old, fit.pose, covariance) for covariance in covariances]
+        found.append(deviations_of_mixture(slow.weights, np.sqrt(squares)))
+    return min(found)
 
 
 def own_covariance(rig: Rig, options: RecalibrateOptions) -> FloatArray:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
 
 from retrue.geometry.arrays import FloatArray
@@ -14,8 +16,27 @@ AMPLITUDES = np.geomspace(0.005, 0.2, 10)  # px
 NONE = 0.5  # of captures, before their points speak
 
 
-def taken_up(answer: Posterior) -> FloatArray:
-    """(5, 5) what the covariance of the pose lacks.
+@dataclass(frozen=True, slots=True, eq=False)
+class TakenUp:
+    """What slow errors of M kinds did to a pose.
+
+    Attributes
+    ----------
+    weights : (M,) how likely each is; they sum to 1.
+    covariances : (M, 5, 5) what the covariance of the pose lacks then.
+    """
+
+    weights: FloatArray
+    covariances: FloatArray
+
+    @property
+    def covariance(self) -> FloatArray:
+        """(5, 5) what it lacks on average."""
+        return np.tensordot(self.weights, self.covariances, 1)
+
+
+def taken_up(answer: Posterior) -> TakenUp:
+    """What slow errors may have done to its pose, by the evidence of each kind.
 
     Across the epipolar lines an error may run smoothly over the picture, f = sum a_k cos(i pi u) cos(j pi v), with
     a ~ N(0, s^2 Q) and Q = exp(-3/4 length^2 (i^2 + j^2)). Beside the unknowns x, of information A with their priors,
@@ -29,10 +50,10 @@ def taken_up(answer: Posterior) -> FloatArray:
     fields = _fields(answer)
     cross, squares, left = _equations(answer, fields)
     follows = np.linalg.solve(answer.information, cross)
-    variances = _variances(squares - cross.T @ follows, left - follows.T @ answer.gradient)
+    weights, variances = _variances(squares - cross.T @ follows, left - follows.T @ answer.gradient)
     own = answer.own_and_lens[0]  # lenses that are not free take up nothing
     pose = follows[:POSE_PARAMETERS] if answer.prior.free else answer.own_inverse @ cross[own]
-    return (pose * variances) @ pose.T
+    return TakenUp(weights, (pose * variances[:, None, :]) @ pose.T)
 
 
 def _fields(answer: Posterior) -> FloatArray:
@@ -61,8 +82,8 @@ def _equations(answer: Posterior, fields: FloatArray) -> tuple[FloatArray, Float
     return cross, lower + np.tril(lower, -1).T, blocks[last, found]
 
 
-def _variances(unseen: FloatArray, left: FloatArray) -> FloatArray:
-    """(K,) of the cosines' amplitudes, averaged over all lengths and s by their evidence; G and g."""
+def _variances(unseen: FloatArray, left: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """(M,) the share of each length and s in the evidence, and (M, K) variances of the amplitudes; G and g."""
     squares = (np.arange(WAVES)[:, None] ** 2 + np.arange(WAVES) ** 2).ravel()
     spectra = np.exp(-0.75 * np.square(LENGTHS)[:, None] * squares)
     spectra /= spectra.sum(axis=1, keepdims=True)
@@ -76,4 +97,4 @@ def _variances(unseen: FloatArray, left: FloatArray) -> FloatArray:
     volume: FloatArray = np.asarray(np.linalg.slogdet(spread)[1], dtype=np.float64)
     log_evidence: FloatArray = ((asked * solved[..., 0]).sum(axis=-1) - volume) / 2
     weights = before[:, None] * np.exp(log_evidence - log_evidence.max())
-    return np.tensordot(weights, variances, 2) / weights.sum()
+    return weights.ravel() / weights.sum(), variances.reshape(weights.size, -1)
