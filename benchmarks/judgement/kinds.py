@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from . import faults
-from .capture import Capture, capture
+from .capture import Capture, capture, uneven_noise
 from .lens import PRIORS, Generator, Lens, Prior
 from .light import hostile_paint, plain_paint, shine
 from .rig import Rig, moved, random_rig, turn
@@ -56,6 +56,7 @@ class Kind:
         seen under more than 60 degrees (median).
     old : how far the old pose is off, at most, in degrees; `drift` exactly so, of a rig to be verified.
     captures : how many, of one pose; `poses` 2: of two poses.
+    uneven : whether noise is louder along one axis.
     """
 
     scenes: Sequence[str]
@@ -67,6 +68,7 @@ class Kind:
     poses: int = 1
     mixed: bool = False
     along: bool = False
+    uneven: bool = False
     spoil: Spoil | None = None
     mislead: Mislead | None = None
     paint: str = "any"
@@ -96,7 +98,8 @@ def _attempt(rng: Generator, kind: Kind, prior: Prior) -> Case | None:
     for one in rigs:
         if taken and not kind.mixed and rng.random() < 0.5:
             scene = _scene(rng, kind, name, one, distance)
-        seen = capture(rng, one, scene, rng.uniform(*kind.span))
+        span, noise = rng.uniform(*kind.span), uneven_noise(rng) if kind.uneven else None
+        seen = capture(rng, one, scene, span, noise=noise)
         if seen is None or len(seen) < kind.fewest or seen.span() < kind.least:
             return None
         if kind.least and seen.slant() > MOST_SLANT:
@@ -110,6 +113,7 @@ def _attempt(rng: Generator, kind: Kind, prior: Prior) -> Case | None:
         taken = [faults.interleaved(rng, *taken)]
     facts: dict[str, Any] = {"scene": name, "paint": paint_name, "points": len(taken[0]), "span": taken[0].span()}
     facts |= {"noise": taken[0].noise.sigma, "tails": taken[0].noise.tails, "slow": taken[0].noise.slow}
+    facts |= {"uneven": taken[0].noise.uneven}
     facts["baseline"] = float(np.linalg.norm(rig.t) / distance)
     told, off = kind.mislead(rng, rig) if kind.mislead else (rig, {})
     told = replace(told, camera=_drawn(rng, prior, told.camera), projector=_drawn(rng, prior, told.projector))
@@ -212,6 +216,11 @@ MATCHES = {
     "wrong 20 %, clustered": Kind(WITH_PLANE, spoil=_wrong(0.2, clustered=True)),
     "wrong 0-50 %, no plane": Kind(NO_PLANE, spoil=_any_wrong),
 }
+UNEVEN = {
+    "uneven noise, wall": Kind(("wall",), uneven=True),
+    "uneven noise, rich": Kind(RICH, uneven=True),
+    "uneven noise, no plane": Kind(NO_PLANE, uneven=True),
+}
 POSES = {
     "three captures": Kind(WITH_PLANE, captures=3),
     "no shared pose": Kind(EVERY, poses=2),
@@ -238,7 +247,7 @@ RECONSTRUCT = {
 }
 
 GROUPS: dict[str, dict[str, Kind]] = {
-    "no-lens-faults": {**_scenes_alone(), **MATCHES, **COPIES, **POSES},
+    "no-lens-faults": {**_scenes_alone(), **MATCHES, **UNEVEN, **COPIES, **POSES},
     "lens": _lens_kinds(),
     "bare-walls": _walls(),
     "no-plane": {name: Kind((name,)) for name in NO_PLANE},

@@ -76,7 +76,9 @@ def test_it_is_what_brute_force_has_it() -> None:
             total, second = total + evidence, second + evidence * prior
     own = np.delete(np.arange(len(cross)), np.arange(8) + 5 + 3 * len(found.pose.planes))
     follows = np.linalg.solve(found.information[np.ix_(own, own)], cross[own])[:5]
-    np.testing.assert_allclose(taken_up(found).covariance, follows @ (second / total) @ follows.T, rtol=1e-2, atol=1e-12)
+    np.testing.assert_allclose(
+        taken_up(found).covariance, follows @ (second / total) @ follows.T, rtol=1e-2, atol=1e-12
+    )
 
 
 def derivative(found: Posterior, parameter: int) -> np.ndarray:

@@ -89,6 +89,7 @@ from retrue.recalibration.slow_errors import TakenUp, taken_up
 from retrue.recalibration.swapped import move_if_exchanged
 from retrue.recalibration.together import pose_with_lenses
 from retrue.recalibration.turned import turned_over
+from retrue.recalibration.uneven_noise import noise_covariance
 from retrue.rig import Rig
 
 COMPARED_POINTS = 1500  # enough to tell hypotheses apart; the best is then fitted to all
@@ -160,6 +161,7 @@ def judge(rig: Rig, captures: Sequence[Correspondences], options: RecalibrateOpt
     rays, homographies = with_planes(rays, rig, options, rng, turned)
     few = rays.select(~turned).thinned(COMPARED_POINTS, rng)
     neighbours, old = nearest_points(few), own_pose(rig)
+    uneven = noise_covariance(homography_residuals(few.points, homographies), few.points.plane_index, neighbours)
     fits = refined_poses(starting_poses(few.points, homographies, old, noise, rng), Support.of(few), rng)
     tight = stated_prior(rig, options.focal_sigma, options.principal_point_sigma_px, options.k1_sigma)
     wide = wide_prior(rig, tight)
@@ -169,6 +171,7 @@ def judge(rig: Rig, captures: Sequence[Correspondences], options: RecalibrateOpt
     light = light_of(rig, captures, few)
     while True:
         measured = _measured(rig, captures, few, homographies, neighbours, options.flatness_sigma, photographs)
+        measured = replace(measured, noise_covariance=uneven)
         hypotheses = [hypothesis(measured, start, prior, tight, homographies) for start in starts]
         posteriors = [one.better() for one in hypotheses]
         majorities = quieter_majorities(measured, posteriors, noise / 2, prior, tight, homographies, rng)
@@ -230,7 +233,7 @@ def judge(rig: Rig, captures: Sequence[Correspondences], options: RecalibrateOpt
     nobody = np.empty((len(rays), 0), dtype=np.int64)
     whole = _measured(rig, captures, rays, homographies, nobody, options.flatness_sigma, photographs)
     misfit = MISFIT_PX if photographs else 0.0  # of a projector's points, a slow error holds it
-    whole = replace(whole, aside=turned if turned.any() else None, misfit=misfit)
+    whole = replace(whole, aside=turned if turned.any() else None, misfit=misfit, noise_covariance=uneven)
     answer = posterior_at(whole, start, prior)
     others = parts_apart(answer, part, whole.homography_residuals)
     for other in others:

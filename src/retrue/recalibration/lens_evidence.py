@@ -20,6 +20,7 @@ from retrue.recalibration.measured import MISFIT_PX
 from retrue.recalibration.parts import LOUD, Part, shifted_copy, unexplained
 from retrue.recalibration.posterior import Measured, Parameters, Posterior, Prior, fit_posterior, posterior_at
 from retrue.recalibration.rivals import SELDOM, UNEXPLAINED, least, move_deg, move_nats, plane_levels, price_of
+from retrue.recalibration.uneven_noise import noise_about_lines
 
 KNOWN_FOCAL = 0.01
 CHANGED_GAIN = 30.0  # of chi-square; eight parameters that nobody touched gain as much once in 5000 times
@@ -232,11 +233,18 @@ def _joint_costs(posterior: Posterior, reference: Posterior) -> FloatArray:
     """(N,) saturating chi-square of both residuals of each point together, at one level.
 
     Noise is seldom alike along and across the epipolar line, and the lens turns that line: taken one by one, the
-    residuals would speak for the lens that turns it along the axes of the noise.
+    residuals would speak for the lens that turns it along the axes of the noise. So would those of points on no plane,
+    which have but one, if the noise across each line did not count as what the planes make of it.
     """
     across, along = reference.fit.epipolar_noise, reference.fit.along_noise
     level = float(np.hypot(across.level, along.level) / np.sqrt(2))
     found = np.hypot(posterior.fit.found.epipolar, np.nan_to_num(posterior.fit.found.along))
+    if posterior is not reference:
+        alone = np.isnan(posterior.fit.found.along)
+        before, after = (
+            noise_about_lines(fit.pose, fit.points, fit.measured.noise_covariance)[0] for fit in (reference, posterior)
+        )
+        found = found * np.where(alone, np.sqrt(before / after), 1.0)
     found = biweight_loss(found / level)
     hidden = behind(posterior.pose, posterior.points, posterior.fit.epipolar_noise.level)
     found = np.where(hidden, np.maximum(found, UNEXPLAINED), found)

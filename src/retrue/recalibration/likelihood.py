@@ -6,21 +6,22 @@ from dataclasses import replace
 
 import numpy as np
 
-from retrue.geometry.arrays import FloatArray, IntArray
+from retrue.geometry.arrays import FloatArray
 from retrue.geometry.robust import Noise, biweight_loss
 from retrue.recalibration.fit import PoseFit
 from retrue.recalibration.measured import MISFIT_PX, Measured
+from retrue.recalibration.uneven_noise import noise_about_lines
 
 
-def negative_log_likelihood(fit: PoseFit, blocks: IntArray) -> FloatArray:
-    """(2, N) twice that of each residual across and along its epipolar line, up to a constant; `blocks` (2, N).
+def negative_log_likelihood(fit: PoseFit, measured: Measured) -> FloatArray:
+    """(2, N) twice that of each residual across and along its epipolar line, up to a constant, less the expected one.
 
     With s the noise of each point by itself and b that of its block, n explained points of mean m each have
     rho((r - m) / s) + m^2 / (s^2 + n b^2) + 2 log s + log(1 + n b^2 / s^2) / n: the log likelihood of a Gaussian with
     such a covariance, shared out. s is not below what real lenses leave over. NaN where there is no residual, 0 of
     points on no plane along the line.
     """
-    found = np.empty(fit.robust_weights.shape)
+    blocks, found = measured.support.blocks, _expected(fit, measured)
     families = zip(fit.found.both, fit.robust_weights, fit.noises, blocks, found, strict=True)
     for values, weights, noise, block, loss in families:
         weighted = np.where(weights > 0, weights * values, 0.0)
@@ -31,9 +32,20 @@ def negative_log_likelihood(fit: PoseFit, blocks: IntArray) -> FloatArray:
         own = noise.level**2 * max(within, 0.0) + MISFIT_PX**2
         together = numbers * (noise.shared**2 * noise.alikeness)
         of_block = means**2 / (own + together) + np.log1p(together / own) / np.maximum(numbers, 1.0) + np.log(own)
-        loss[:] = biweight_loss((values - means[block + 1]) / np.sqrt(own)) + of_block[block + 1]
+        loss[:] = biweight_loss((values - means[block + 1]) / np.sqrt(own)) + of_block[block + 1] - loss
         loss[block < 0] = 0.0
     return found
+
+
+def _expected(fit: PoseFit, measured: Measured) -> FloatArray:
+    """(2, N) what residuals cost that are all noise, less what they do where noise is alike along all axes.
+
+    Of variance v about its line a residual costs v / (v + m^2) + log(v + m^2), m being the misfit of real lenses. By
+    how much that differs from line to line, because noise is louder along one axis, is no evidence for either.
+    """
+    variances = noise_about_lines(fit.pose, fit.points, measured.noise_covariance)
+    even, least = np.sqrt(np.linalg.det(measured.noise_covariance)), MISFIT_PX**2
+    return np.log((variances + least) / (even + least)) + variances / (variances + least) - even / (even + least)
 
 
 def with_misfit(fit: PoseFit, measured: Measured) -> PoseFit:

@@ -32,6 +32,7 @@ class Measured:
     misfit : px, what no lens model explains of a real lens, and a part of the picture shares; part of the noise.
     homography_residuals : (N, 2) that each plane's homography leaves by itself.
     aside : (N,) rows that belong to another pose and leave no residual.
+    noise_covariance : (2, 2) of a match's noise along the projector's axes, see there.
     textured : whether matches are of the scene's own texture, which may repeat in space.
     """
 
@@ -45,6 +46,7 @@ class Measured:
     misfit: float = 0.0
     homography_residuals: FloatArray = field(default_factory=lambda: np.empty((0, 2)))
     aside: BoolArray | None = None
+    noise_covariance: FloatArray = field(default_factory=lambda: np.eye(2))
     textured: bool = False
 
     def __len__(self) -> int:

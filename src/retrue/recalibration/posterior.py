@@ -254,7 +254,7 @@ class Posterior:
     @cached_property
     def losses(self) -> FloatArray:
         """(2, N) `negative_log_likelihood` of both families of residuals."""
-        return negative_log_likelihood(self.fit, self.measured.support.blocks)
+        return negative_log_likelihood(self.fit, self.measured)
 
     @cached_property
     def impossible(self) -> BoolArray:

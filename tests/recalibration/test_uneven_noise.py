@@ -1,0 +1,78 @@
+"""Noise that is louder along one axis speaks neither for a pose whose lines run along it, nor for another lens."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from numpy.random import Generator
+
+import retrue
+from retrue.correspondences import Correspondences
+from retrue.geometry.arrays import FloatArray
+from retrue.geometry.nearest import nearest_of_all
+from retrue.geometry.transform import direction_angle, rotation_angle
+from retrue.recalibration.uneven_noise import noise_covariance
+from tests.recalibration.scenes import CAMERA, RIG, SIDE_WALL, WALL, Scene, bumped, capture
+
+
+def louder(points: Correspondences, angle: float, ratio: float, noise: float, rng: Generator) -> Correspondences:
+    """With noise of the camera's pixels, so many times larger along that axis than across it."""
+    axis = np.array([np.cos(angle), np.sin(angle)])
+    along, across = rng.normal(0, noise, (2, len(points), 1))
+    error = along * ratio**0.5 * axis + across * ratio**-0.5 * np.array([-axis[1], axis[0]])
+    return replace(points, camera_px=points.camera_px + error)
+
+
+def grid(rng: Generator) -> tuple[FloatArray, np.ndarray]:
+    places: FloatArray = np.stack(np.meshgrid(np.arange(30.0), np.arange(20.0)), -1).reshape(-1, 2)
+    places += rng.uniform(-0.1, 0.1, places.shape)
+    return places, nearest_of_all(places, places, 5)[1][:, 1:]
+
+
+def test_shape_is_that_of_the_noise_whatever_the_planes_are_bowed_by() -> None:
+    rng = np.random.default_rng(0)
+    places, neighbours = grid(rng)
+    truth = np.array([[2.0, 0.8], [0.8, 1.0]])
+    missed = rng.multivariate_normal([0, 0], truth, len(places)) + 20 * ((places - 15) / 15) ** 2 * [0.0, 1.0]
+    found = noise_covariance(missed, np.zeros(len(places), dtype=np.int64), neighbours)
+    np.testing.assert_allclose(found, truth, atol=0.25)
+
+
+def test_noise_that_is_alike_by_chance_is_even() -> None:
+    for seed in range(20):
+        rng = np.random.default_rng(seed)
+        places, neighbours = grid(rng)
+        missed = rng.normal(size=places.shape)
+        plane = np.zeros(len(places), dtype=np.int64)
+        assert noise_covariance(missed, plane, neighbours).tolist() == [[1, 0], [0, 1]]
+        plane[:] = -1
+        assert noise_covariance(missed, plane, neighbours).tolist() == [[1, 0], [0, 1]]
+
+
+@pytest.mark.parametrize("ratio", [2.5, 5.0])
+@pytest.mark.parametrize("scene", [Scene(), Scene(planes=[(np.array([0.7, 0.3, 1.0]), 1.2)])], ids=["wall", "slanted"])
+def test_a_wall_is_answered_right_or_not_at_all_and_no_lens_is_blamed(scene: Scene, ratio: float) -> None:
+    for seed in range(12):
+        rng = np.random.default_rng(seed)
+        points = louder(capture(scene, noise=0.0, seed=seed), rng.uniform(0, np.pi), ratio, 0.3, rng)
+        result = retrue.recalibrate(
+            bumped(RIG, rng.uniform(-3, 3, 3).tolist(), rng.uniform(-3, 3, 3).tolist()), [points]
+        )
+        assert result.evidence.lens != "changed"
+        if isinstance(result, retrue.Accepted):
+            pose, truth = result.rig.projector_from_camera, RIG.projector_from_camera
+            sigma = result.evidence.sigma
+            assert sigma is not None
+            assert np.degrees(rotation_angle(pose.R @ truth.R.T)) < max(0.2, 5 * sigma.rotation_deg)
+            assert np.degrees(direction_angle(pose.t, truth.t)) < max(0.2, 5 * sigma.translation_deg)
+
+
+def test_a_changed_lens_is_still_told() -> None:
+    longer = replace(RIG, camera=replace(CAMERA, K=CAMERA.K * [[1.06, 1, 1], [1, 1.06, 1], [1, 1, 1]]))
+    for seed in range(6):
+        rng = np.random.default_rng(seed)
+        room = Scene(planes=[WALL, SIDE_WALL, (np.array([0.0, 0.9, 0.6]), 0.95)])
+        points = louder(capture(room, rig=longer, noise=0.0, seed=seed), rng.uniform(0, np.pi), 3.0, 0.2, rng)
+        assert retrue.recalibrate(RIG, [points]).evidence.lens == "changed"
