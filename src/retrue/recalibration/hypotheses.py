@@ -30,7 +30,7 @@ from retrue.recalibration.posterior import Measured, Parameters, Posterior, Prio
 from retrue.recalibration.rivals import PARAMETER, RARE, plane_levels, total_costs
 
 GATHERED = 15  # steps
-DRAWN_IN = 1e-10  # of a squared sigma: what follows is settled long before
+DRAWN_IN = 1e-7  # of a squared sigma: what follows is settled long before
 SETTLED = 15  # likewise
 MOVES = 30.0  # of chi-square, by which lenses that move must be better; by chance eight numbers gain it once in 5000
 LEAST_LEFT = 0.05  # of the points, as many as a plane holds at least
