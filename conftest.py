@@ -8,6 +8,7 @@ TESTS = Path(__file__).parent / "tests"
 LONGEST = [
     TESTS / name
     for name in (
+        "studio/test_browser.py",
         "watch/test_watch.py",
         "docs/test_examples.py",
         "e2e/test_procam_board.py",

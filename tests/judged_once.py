@@ -1,7 +1,7 @@
 """For tests of what is built upon the judge: the same captures of the same rig are judged once.
 
-They, the rig and the options alone decide what it says, which its own tests see to; batches, watches and fleets ask it
-of the same few frames in test after test.
+They, the rig and the options alone decide what it says, which its own tests see to; batches, watches, fleets, commands
+and pages ask it of the same few frames in test after test.
 """
 
 from __future__ import annotations

@@ -129,7 +129,7 @@ def true_points_of_projector(shot: Shot, projector_px: FloatArray) -> FloatArray
     direction = np.column_stack([rays, np.ones(len(rays))]) @ back.R.T
     nearest = np.full(len(rays), np.inf)
     for surface in shot.scene.surfaces:
-        nearest = np.minimum(nearest, surface.hit(back.t, direction)[0])
+        nearest = np.minimum(nearest, surface.distance(back.t, direction))
     return back.t + np.where(np.isfinite(nearest), nearest, np.nan)[:, None] * direction
 
 

@@ -52,12 +52,13 @@ def shoot(
     u, v = mapping(*np.meshgrid(xs, ys))
     columns, rows = np.floor(u + 0.5).astype(int), np.floor(v + 0.5).astype(int)
     lit = (columns >= 0) & (columns < pattern.projector_size[0]) & (rows >= 0) & (rows < pattern.projector_size[1])
-    columns, rows = np.where(lit, columns, 0), np.where(lit, rows, 0)
+    beyond = np.prod(pattern.projector_size)  # where it is dark
+    at = np.where(lit, rows * pattern.projector_size[0] + columns, beyond)
     reflected = np.full((height, width), 0.8) if albedo is None else albedo
     pictures = []
     for shown in pattern.render():
-        light = np.where(lit, shown[rows, columns] / 255, 0.0)
-        light = light.reshape(height, SAMPLES, width, SAMPLES).mean(axis=(1, 3))
+        white = np.append(shown.ravel() == 255, False).take(at).reshape(height, SAMPLES, width, SAMPLES)
+        light = np.count_nonzero(white.swapaxes(1, 2).reshape(height, width, SAMPLES**2), axis=2) / SAMPLES**2
         brightness = 230 * (reflected * (0.02 + 0.95 * light)) ** gamma + rng.normal(0, noise, light.shape)
         pictures.append(np.clip(np.rint(brightness), 0, 255).astype(np.uint8))
     return Shot(pattern, pictures, mapping)

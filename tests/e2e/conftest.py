@@ -13,6 +13,9 @@ import pytest
 
 from retrue import Camera, Correspondences, Rig, RigidTransform, write_points, write_rig
 from retrue.cli.main import main
+from tests.judged_once import judged_once
+
+__all__ = ["judged_once"]
 
 DATA = Path(__file__).parents[2].parent / "shared" / "data"
 

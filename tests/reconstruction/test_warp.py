@@ -60,7 +60,7 @@ def test_another_viewer_sees_each_pixel_where_the_map_says(cloud):
     rows, columns = np.argwhere(np.isfinite(laid.st[..., 0]))[::997].T
     ball, source = BENT.surfaces[0], RIG.projector_from_camera.inverse()
     rays = np.column_stack([PROJECTOR.unproject(np.column_stack([columns, rows])), np.ones(len(rows))]) @ source.R.T
-    distance, _ = ball.hit(np.tile(source.t, (len(rays), 1)), rays)
+    distance = ball.distance(np.tile(source.t, (len(rays), 1)), rays)
     at = laid.view.project(eye.apply(source.t + distance[:, None] * rays))
     left, top, width, height = laid.rectangle
     s, t = laid.st[rows, columns].T

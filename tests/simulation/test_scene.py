@@ -58,10 +58,11 @@ def test_a_sphere_shadows_the_wall_behind_it(rig):
 
 def test_box_faces_are_hit_from_outside_with_outward_normals():
     box = Box(RigidTransform(np.eye(3), [0.0, 0.0, 10.0]), (1.0, 2.0, 3.0))
-    distance, normal = box.hit(np.zeros(3), np.array([[0, 0, 1.0], [0.05, 0, 1.0], [1.0, 0, 1.0]]))
+    rays = np.array([[0, 0, 1.0], [0.05, 0, 1.0], [1.0, 0, 1.0]])
+    distance = box.distance(np.zeros(3), rays)
     assert distance[:2].tolist() == [7.0, 7.0]
     assert np.isinf(distance[2])
-    assert normal[0].tolist() == [0, 0, -1]
+    assert box.normals(np.zeros(3), rays[:1], distance[:1]).tolist() == [[0, 0, -1]]
 
 
 def test_the_same_seed_gives_the_same_picture(rig):

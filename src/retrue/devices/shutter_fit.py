@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import lru_cache, partial
 from typing import Any, cast
 
 import numpy as np
@@ -88,10 +89,11 @@ def fit_shutter(
     rows = probes.middle[probes.lit]
     told = USUAL_EXPOSURE if exposure_ms is None else min(exposure_ms / 1000 / period, 1.0)
     usual = _Usual(np.array([USUAL_READOUT, told]) * period, np.array([WEAK, WEAK if exposure_ms is None else TOLD]))
+    seen_at = lru_cache(maxsize=2)(partial(_seen, changes, probes, period))  # a slope asks four times with one gamma
     tried = [
         (*_numbered(seen, rows, period, times, usual), np.array([times[0], period, *times[1:], gamma]))
         for gamma in GAMMAS
-        for seen in [_seen(changes, probes, gamma, period)]
+        for seen in [seen_at(gamma)]
         for times in _beginnings(seen, rows, period, usual)
     ]
     _, numbers, guess = min(tried, key=lambda one: one[0])
@@ -100,7 +102,7 @@ def fit_shutter(
         start, length, readout, exposure, gamma = values
         parts = [
             (_share(start + length * number[:, None] + readout * rows, exposure, seen.at) - seen.share).ravel()
-            for seen, number in zip(_seen(changes, probes, float(gamma), period), numbers, strict=True)
+            for seen, number in zip(seen_at(float(gamma)), numbers, strict=True)
         ]
         unusual = usual.off(readout, exposure) / period
         return np.concatenate([*parts, unusual, [WEAK * np.log(gamma)]])
@@ -114,7 +116,7 @@ def fit_shutter(
     if not np.sqrt(np.mean(np.minimum(np.square(residuals(fitted)[:-3]), OUTLIER))) <= WORST_FIT:
         return None
     start, length, readout, exposure, gamma = (float(value) for value in fitted)
-    seen = _seen(changes, probes, gamma, period)
+    seen = seen_at(gamma)
     lags = np.concatenate([one.arrivals - (start + length * number) for one, number in zip(seen, numbers, strict=True)])
     mixed = np.concatenate([((one.share > 0.1) & (one.share < 0.9)).any(axis=1) for one in seen])
     lags = lags[mixed] if mixed.any() else lags  # of the others the number is not sure
@@ -122,7 +124,7 @@ def fit_shutter(
     return Shutter(changes[0].at + start, length, readout, exposure, gamma, tuple(late))
 
 
-def _seen(changes: Sequence[Change], probes: Probes, gamma: float, period: float) -> list[_Seen]:
+def _seen(changes: Sequence[Change], probes: Probes, period: float, gamma: float) -> list[_Seen]:
     first, found = changes[0].at, list[_Seen]()
     for change in changes:
         light = probes.light(change.seen, gamma)[:, probes.lit].mean(axis=-1)

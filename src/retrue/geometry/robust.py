@@ -99,7 +99,7 @@ def gather_weights(
     limits = MAD_TO_SIGMA, CUTOFF, SMALLEST_LEVEL
     places = both, plane_index, planes, floor, reach
     reach = cast("float", kernel.gather_weights(*places, *limits, room, levels, weights))
-    return weights, float(levels[1:].min(initial=floor)), reach
+    return weights, float(levels[1:].min()) if planes else floor, reach
 
 
 def biweight_loss(relative: FloatArray) -> FloatArray:

@@ -11,6 +11,7 @@ FAR = cython.declare(cython.double, 1e3)  # a ray that the lens model cannot rea
 STEPS = cython.declare(cython.Py_ssize_t, 20)
 SMALLEST = cython.declare(cython.double, 1e-12)  # determinant, px^2
 FIXED = cython.declare(cython.Py_ssize_t, 3)  # steps of a fixed point, before Newton's
+LOT = cython.declare(cython.Py_ssize_t, 16)  # rays at a time: one after the other, each would wait for its divisions
 REACHED = cython.declare(cython.double, 1e-9)
 NAN = cython.declare(cython.double, float("nan"))
 
@@ -158,33 +159,54 @@ def move_rays(
     `lens` (12,) distorts, `K` is (3, 3). `sigma` (N,) of each ray is one of pixels: it shrinks where the other lens
     magnifies more.
     """
-    cython.declare(k=cython.Py_ssize_t)
+    cython.declare(k=cython.Py_ssize_t, m=cython.Py_ssize_t, first=cython.Py_ssize_t, taken=cython.Py_ssize_t)
+    x, y = cython.declare(cython.double[16]), cython.declare(cython.double[16])
+    at_x, at_y = cython.declare(cython.double[16]), cython.declare(cython.double[16])
+    before, error = cython.declare(cython.double[16]), cython.declare(cython.double[16])
+    a, d = cython.declare(cython.double[16]), cython.declare(cython.double[16])
+    determinant = cython.declare(cython.double[16])
+    going = cython.declare(cython.double[16])  # 1 or 0
     with cython.nogil:
         fx, skew, fy = K[0, 0], K[0, 1], K[1, 1]
         own_scale, scale = own_K[0, 0] * own_K[1, 1], fx * fy
-        for k in range(pixels.shape[0]):
-            x, y = rays[k, 0], rays[k, 1]
-            seen = _distort(own_lens, x, y)
-            before = max(own_scale * (seen.a * seen.d - seen.b * seen.c), SMALLEST)
-            seen = _distort(lens, x, y)
-            at_y = (pixels[k, 1] - K[1, 2]) / fy
-            at_x = (pixels[k, 0] - K[0, 2] - skew * at_y) / fx
-            error = 0.0
+        first = 0
+        while first < pixels.shape[0]:
+            taken = min(LOT, pixels.shape[0] - first)
+            for m in range(LOT):  # all are computed
+                k = first + min(m, taken - 1)
+                x[m], y[m], going[m] = rays[k, 0], rays[k, 1], 1.0
+                at_y[m] = (pixels[k, 1] - K[1, 2]) / fy
+                at_x[m] = (pixels[k, 0] - K[0, 2] - skew * at_y[m]) / fx
+            for m in range(LOT):
+                seen = _distort(own_lens, x[m], y[m])
+                before[m] = max(own_scale * (seen.a * seen.d - seen.b * seen.c), SMALLEST)
             for _ in range(STEPS):
-                ex, ey = seen.x - at_x, seen.y - at_y
-                error = max(fabs(ex), fabs(ey))
-                determinant = seen.a * seen.d - seen.b * seen.c
-                if not error > SETTLED or determinant == 0:
+                for m in range(LOT):
+                    u, v, moves, last = x[m], y[m], going[m], error[m]
+                    last_a, last_d, last_determinant = a[m], d[m], determinant[m]
+                    seen = _distort(lens, u, v)
+                    ex, ey, now = seen.x - at_x[m], seen.y - at_y[m], seen.a * seen.d - seen.b * seen.c
+                    nu, nv = u - (seen.d * ex - seen.b * ey) / now, v - (seen.a * ey - seen.c * ex) / now
+                    ex, ey = fabs(ex), fabs(ey)
+                    far = ex if ex > ey else ey
+                    last, last_a = far if moves > 0 else last, seen.a if moves > 0 else last_a
+                    last_d, last_determinant = seen.d if moves > 0 else last_d, now if moves > 0 else last_determinant
+                    error[m], a[m], d[m], determinant[m] = last, last_a, last_d, last_determinant
+                    moves = moves if far > SETTLED else 0.0
+                    moves = moves if now != 0 else 0.0
+                    x[m], y[m] = nu if moves > 0 else u, nv if moves > 0 else v
+                    going[m] = 0.0 if far < NEAR else moves  # the next error is its square
+                left = 0.0
+                for m in range(LOT):
+                    left += going[m]
+                if not left > 0:
                     break
-                x, y = x - (seen.d * ex - seen.b * ey) / determinant, y - (seen.a * ey - seen.c * ex) / determinant
-                if error < NEAR:  # the next error is its square
-                    break
-                seen = _distort(lens, x, y)
-            determinant = seen.a * seen.d - seen.b * seen.c
-            if not (error < NEAR and determinant > 0 and seen.a > 0 and seen.d > 0):
-                x, y = FAR, FAR
-            rays[k, 0], rays[k, 1] = x, y
-            sigma[k] *= sqrt(before / max(scale * determinant, SMALLEST))
+            for m in range(taken):
+                k = first + m
+                reached: cython.bint = error[m] < NEAR and determinant[m] > 0 and a[m] > 0 and d[m] > 0
+                rays[k, 0], rays[k, 1] = x[m] if reached else FAR, y[m] if reached else FAR
+                sigma[k] *= sqrt(before[m] / max(scale * determinant[m], SMALLEST))
+            first += taken
 
 
 def turns_of_rays(

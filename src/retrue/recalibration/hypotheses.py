@@ -30,7 +30,7 @@ from retrue.recalibration.posterior import Measured, Parameters, Posterior, Prio
 from retrue.recalibration.rivals import PARAMETER, RARE, plane_levels, total_costs
 
 GATHERED = 15  # steps
-DRAWN_IN = 1e-10  # of a squared sigma: what follows is settled long before
+DRAWN_IN = 1e-7  # of a squared sigma: what follows is settled long before
 SETTLED = 15  # likewise
 MOVES = 30.0  # of chi-square, by which lenses that move must be better; by chance eight numbers gain it once in 5000
 LEAST_LEFT = 0.05  # of the points, as many as a plane holds at least
@@ -70,12 +70,15 @@ def hypothesis(
     measured: Measured, start: Parameters, prior: Prior, tight: LensPrior, homographies: list[FloatArray]
 ) -> Hypothesis:
     """The most probable parameters near the start, in both forms; DegenerateError where no pose is determined."""
-    if prior.free:
-        return Hypothesis(fit_posterior(measured, start, prior, 6), None)
-    fit = fit_posterior(measured, replace(start, lens=np.zeros_like(start.lens)), prior, 6)
-    if measured.textured:  # what photographs' lenses leave over looks like other lenses, and is slower than its scatter
-        return Hypothesis(fit, None)
-    return Hypothesis(fit, _moved(fit, start, tight, homographies))
+    fit = _fixed(measured, start, prior)
+    # What photographs' lenses leave over looks like other lenses, and is slower than its scatter.
+    asked = not (prior.free or measured.textured)
+    return Hypothesis(fit, _moved(fit, start, tight, homographies) if asked else None)
+
+
+def _fixed(measured: Measured, start: Parameters, prior: Prior) -> Posterior:
+    start = start if prior.free else replace(start, lens=np.zeros_like(start.lens))
+    return fit_posterior(measured, start, prior, 6)
 
 
 def _through_real_lenses(fit: Posterior) -> Posterior:
@@ -169,10 +172,10 @@ def without_parts(
             if apart.aside is not None and np.count_nonzero(~apart.aside) < len(points) * left:
                 continue  # what is left of it any pose explains
             try:
-                one = hypothesis(apart, start, prior, tight, homographies)
                 if any(other.name == ELSEWHERE for other in others):  # the plane led there; what agrees belongs to it
-                    one = hypothesis(with_agreeing(one.fixed), one.fixed.parameters, prior, tight, homographies)
-                found.append(one)
+                    led = _fixed(apart, start, prior)
+                    apart, start = with_agreeing(led), led.parameters
+                found.append(hypothesis(apart, start, prior, tight, homographies))
             except DegenerateError:
                 continue
     return found

@@ -157,7 +157,7 @@ def _seen(
     rays = camera.unproject(pixels).reshape(-1, 2)
     direction = np.concatenate([rays, np.ones((len(rays), 1))], axis=1) @ pose.R
     source = -pose.t @ pose.R
-    distance, surface, _ = first_hit(surfaces, source, direction)
+    distance, surface = first_hit(surfaces, source, direction)
     point = source + np.where(np.isfinite(distance), distance, np.nan)[:, None] * direction
     return point.reshape(*pixels.shape[:-1], 3), surface.reshape(pixels.shape[:-1])
 

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from retrue.geometry.arrays import BoolArray, FloatArray, IntArray
 from retrue.rig import Rig
 from retrue.simulation.camera_model import CameraModel, gaussian_blur
-from retrue.simulation.surfaces import Surface
+from retrue.simulation.surfaces import Surface, dot
 
 NOTHING = -1
 BAND = 64  # rows that are rendered at a time, to save memory
@@ -110,8 +110,10 @@ class Seen:
 
     def light(self, lamp: FloatArray) -> FloatArray:
         """(h, w, 3) under a projector that shows `lamp`."""
-        at = np.where(self.visible[..., None], self.projector_px, 0.0).reshape(-1, 2)
-        return _bilinear(lamp, at).reshape(self.gain.shape) * self.gain + self.room
+        rows = np.flatnonzero(self.visible)
+        light = self.room.reshape(-1, 3).copy()
+        light[rows] += _bilinear(lamp, self.projector_px.reshape(-1, 2)[rows]) * self.gain.reshape(-1, 3)[rows]
+        return light.reshape(self.room.shape)
 
 
 def pixel_grid(y: FloatArray | IntArray, x: FloatArray | IntArray) -> FloatArray:
@@ -123,32 +125,38 @@ def look(rig: Rig, scene: Scene, pixels: FloatArray) -> Seen:
     shape = pixels.shape[:-1]
     rays = rig.camera.unproject(pixels).reshape(-1, 2)
     direction = np.concatenate([rays, np.ones((len(rays), 1))], axis=1)
-    depth, surface, normal = first_hit(scene.surfaces, np.zeros(3), direction)
+    centre = np.zeros(3)
+    depth, surface = first_hit(scene.surfaces, centre, direction)
     hit = np.isfinite(depth)
     point = np.where(hit, depth, 1.0)[:, None] * direction
+    normal = np.zeros((len(rays), 3))
+    of_surfaces = [(item, np.flatnonzero(surface == index)) for index, item in enumerate(scene.surfaces)]
+    for item, here in of_surfaces:
+        normal[here] = item.normals(centre, direction[here], depth[here])
 
     in_projector = rig.projector_from_camera.apply(point)
     projector_px = rig.projector.project(in_projector)
     projector_px[~hit] = np.nan
     source = rig.projector_from_camera.inverse().t
     beam = point - source
-    distance = np.linalg.norm(beam, axis=-1)
-    cosine = -np.sum(normal * beam, axis=-1) / distance
+    distance = np.sqrt(dot(beam, beam))
+    cosine = -dot(normal, beam) / distance
     with np.errstate(invalid="ignore"):
         lit = hit & rig.projector.contains(projector_px) & (cosine > 0)
-    shadow, _, _ = first_hit(scene.surfaces, source, beam)
-    lit &= shadow > 1 - SHADOW_GAP
+    shadow, _ = first_hit(scene.surfaces, source, beam[lit])
+    lit[lit] = shadow > 1 - SHADOW_GAP
 
     albedo, gloss = np.zeros((len(rays), 3)), np.zeros(len(rays))
-    for index, item in enumerate(scene.surfaces):
-        here = surface == index
+    for item, here in of_surfaces:
         albedo[here] = item.paint.albedo(point[here])
         gloss[here] = item.paint.gloss
     falloff = 1.0 if scene.bright_at is None else (scene.bright_at / distance) ** 2
-    mirrored = beam / distance[:, None] + 2 * cosine[:, None] * normal
-    toward = -direction / np.linalg.norm(direction, axis=-1, keepdims=True)
-    lobe = gloss * np.maximum(np.sum(mirrored * toward, axis=-1), 0.0) ** 40
-    gain = (lit * falloff)[:, None] * (albedo * np.maximum(cosine, 0.0)[:, None] + lobe[:, None])
+    gain = albedo * np.maximum(cosine, 0.0)[:, None]
+    if gloss.any():
+        mirrored = beam / distance[:, None] + 2 * cosine[:, None] * normal
+        toward = -direction / np.sqrt(dot(direction, direction))[:, None]
+        gain += (gloss * np.maximum(dot(mirrored, toward), 0.0) ** 40)[:, None]
+    gain = (lit * falloff)[:, None] * gain
     return Seen(
         gain=gain.reshape(*shape, 3),
         room=(albedo * np.asarray(scene.ambient)).reshape(*shape, 3),
@@ -159,20 +167,15 @@ def look(rig: Rig, scene: Scene, pixels: FloatArray) -> Seen:
     )
 
 
-def first_hit(
-    surfaces: Sequence[Surface], origin: FloatArray, direction: FloatArray
-) -> tuple[FloatArray, IntArray, FloatArray]:
-    """Of each ray (N, 3): distance in its own lengths, inf for none; which surface, -1 for none; outward normal."""
+def first_hit(surfaces: Sequence[Surface], origin: FloatArray, direction: FloatArray) -> tuple[FloatArray, IntArray]:
+    """Of each ray (N, 3): distance in its own lengths, inf for none; which surface, -1 for none."""
     nearest = np.full(len(direction), np.inf)
     index = np.full(len(direction), NOTHING)
-    normal = np.zeros((len(direction), 3))
     for number, surface in enumerate(surfaces):
-        distance, outward = surface.hit(origin, direction)
-        nearer = distance < nearest
-        nearest = np.where(nearer, distance, nearest)
-        index[nearer] = number
-        normal = np.where(nearer[:, None], outward, normal)
-    return nearest, index, normal
+        distance = surface.distance(origin, direction)
+        index[distance < nearest] = number
+        nearest = np.minimum(nearest, distance)
+    return nearest, index
 
 
 def _bilinear(image: FloatArray, at: FloatArray) -> FloatArray:
@@ -181,6 +184,8 @@ def _bilinear(image: FloatArray, at: FloatArray) -> FloatArray:
     x, y = np.clip(at[:, 0], 0, w - 1), np.clip(at[:, 1], 0, h - 1)
     x0, y0 = np.minimum(x.astype(np.int64), w - 2), np.minimum(y.astype(np.int64), h - 2)
     fx, fy = (x - x0)[:, None], (y - y0)[:, None]
-    upper = image[y0, x0] * (1 - fx) + image[y0, x0 + 1] * fx
-    lower = image[y0 + 1, x0] * (1 - fx) + image[y0 + 1, x0 + 1] * fx
+    flat, at_corner = image.reshape(h * w, -1), y0 * w + x0
+    upper_left, upper_right, lower_left, lower_right = (flat[at_corner + step] for step in (0, 1, w, w + 1))
+    upper = upper_left * (1 - fx) + upper_right * fx
+    lower = lower_left * (1 - fx) + lower_right * fx
     return upper * (1 - fy) + lower * fy

@@ -1,0 +1,5 @@
+"""Pages judge the same pictures as others do, one after the other."""
+
+from tests.judged_once import judged_once
+
+__all__ = ["judged_once"]
