@@ -41,7 +41,7 @@ FEWEST_TURNS = 4
 RIDGE = 1e-9
 MOST_PIXELS_TO_FIT = 12_000
 REASONS = {
-    "saturated": "a picture of the finest sine is at the end of its scale",
+    "saturated": "a picture of a sine is at the end of its scale",
     "turn": "whole turns are not certain: coarse and fine pictures disagree by more than their noise",
     "beyond": "coordinate beyond the projector, or at the end of its picture",
     "edge": "on the edge of a surface: neighbours differ by far more than elsewhere",
@@ -198,7 +198,8 @@ def _read_axis(sequence: ArrangedSequence, plan: AxisPlan, noise: Noise) -> _Axi
     found = unwrap(coarse, steps, plan.bend, plan.side)
     if trusted is not None:
         found.flags[0] &= np.take(trusted, pixels).view(np.uint8)
-    flags = np.concatenate([found.flags, [finest.variance < LIT_VARIANCE, finest.saturated]], dtype=np.uint8)
+    full = reduce(np.logical_or, [sine.saturated for sine in wrapped])  # a coarse one too: else it tells a wrong turn
+    flags = np.concatenate([found.flags, [finest.variance < LIT_VARIANCE, full]], dtype=np.uint8)
     images, masks = np.zeros((3, *may.shape), np.float32), np.zeros((4, *may.shape), np.uint8)
     kernel.spread(pixels, found.known, finest.modulation, flags, images.reshape(3, -1), masks.reshape(4, -1))
     told = (flags[2] & ~flags[3]).view(np.bool_)
