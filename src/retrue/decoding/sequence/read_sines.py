@@ -190,8 +190,8 @@ def _read_axis(sequence: ArrangedSequence, plan: AxisPlan, noise: Noise) -> _Axi
     pixels = np.flatnonzero(may)
     wrapped: list[Wrapped] = []
     for sine, ripple in zip(plan.sines, plan.ripples, strict=True):
-        seen = [np.take(sequence.pictures[index], pixels, mode="clip") for index in sine.pictures]
-        wrapped.append(straightened(demodulate(seen, sine, noise), ripple, len(seen)))
+        seen = demodulate([sequence.pictures[index] for index in sine.pictures], sine, noise, pixels)
+        wrapped.append(straightened(seen, ripple, len(sine.pictures)))
     finest = wrapped[0]
     cue, trusted = (None, None) if plan.cue is None else read_cue(*plan.cue, every)
     coarse, steps = ladder(wrapped, plan.side, None if cue is None else cue.at(pixels))
