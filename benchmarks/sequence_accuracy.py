@@ -15,6 +15,7 @@ import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
 
 from benchmarks.object.scenes import DISTANCES, PATTERNS, Shot, beside_edges, make_rig, make_scene, take, true_points
+from retrue.correspondences import Correspondences
 from retrue.geometry.arrays import FloatArray
 from retrue.patterns.gray_code import GrayCode
 from retrue.patterns.pattern import Pattern
@@ -32,10 +33,10 @@ def main(scenes: int, first: int) -> None:
             seen = [_errors(name, distance, seed) for seed in range(first, first + scenes)]
             error, sigma, edge = (np.concatenate([own[k] for own in seen]) for k in range(3))
             turns = sum(own[3] for own in seen)
-            inner = error[~edge] / sigma[~edge, None]
+            relative = error / sigma
             print(
                 f"{name:10}{distance:6g} mm{len(sigma):9} points, sigma {np.median(sigma):.4f} px; within 1, 2, 3: "
-                f"{_within(inner)}, all {_within(error / sigma[:, None])}; wrong turns {turns}",
+                f"{_within(relative[~edge])}, all {_within(relative)}; wrong turns {turns}",
                 flush=True,
             )
     for distance in DISTANCES:
@@ -52,7 +53,6 @@ def _errors(name: str, distance: float, seed: int) -> tuple[FloatArray, FloatArr
     scene = make_scene(np.random.default_rng([seed, int(distance)]), distance)
     shot = take(make_rig((960, 720)), scene, PATTERNS[name](), distance, seed)
     points = shot.points
-    assert points.projector_sigma_px is not None
     truth = _true_px(shot)
     x, y = points.camera_px.astype(int).T
     error = points.projector_px - truth[y, x]
@@ -60,7 +60,16 @@ def _errors(name: str, distance: float, seed: int) -> tuple[FloatArray, FloatArr
     around = sliding_window_view(np.pad(truth, ((REACH,) * 2, (REACH,) * 2, (0, 0)), mode="edge"), (7, 7), (0, 1))
     near = np.abs(around[y[off], x[off]] - points.projector_px[off, :, None, None]).max(axis=1).min(axis=(1, 2))
     wrong = int(np.count_nonzero(near > HALF_A_PERIOD_PX))
-    return error, points.projector_sigma_px, beside_edges(shot, points.camera_px), wrong
+    return error, _sigma_by_axis(points), beside_edges(shot, points.camera_px), wrong
+
+
+def _sigma_by_axis(points: Correspondences) -> FloatArray:
+    """(N, 2) of x and of y: stripes may tell one several times as well as the other."""
+    both, ratio = points.projector_sigma_px, points.projector_sigma_ratio
+    assert both is not None
+    ratio = np.ones_like(both) if ratio is None else ratio
+    y = both * np.sqrt(2 / (1 + ratio**2))
+    return np.stack([ratio * y, y], axis=1)
 
 
 def _true_px(shot: Shot) -> FloatArray:

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from retrue.decoding.decode import decode
+from retrue.decoding.sequence.decode_sequence import HARDLY_ANY
 from retrue.decoding.sequence.diagnosis import shows_another_code
 from retrue.errors import CaptureError
 from retrue.patterns.gray_code import GrayCode
@@ -289,6 +290,19 @@ def test_hardly_any_light_beyond_noise_is_told():
     pattern = layout_sequence("slstudio-gray", SIZE)
     with pytest.raises(CaptureError, match="pixels are lit beyond their noise: expose longer"):
         decode(pattern, shot_of(pattern.frames, albedo=0.15, noise=6.0).pictures)
+
+
+def test_little_that_decodes_and_nothing_else_explains_is_handed_on_as_it_is():
+    """Print hides nearly all; what is left fits the expected order best."""
+    y, x = np.mgrid[: CAMERA[1], : CAMERA[0]]
+    shot = shot_of(
+        gray_frames("column", range(9)[::-1], inverses=True) + gray_frames("row", range(9)[::-1], inverses=True),
+        albedo=np.where((x < 45) & (y < 45), 0.8, 0.8 * ((x + y) % 2)),
+    )
+    points = decode(FrameSequence(SIZE, shot.pattern.frames), shot.pictures)
+    assert 0 < len(points) < HARDLY_ANY * CAMERA[0] * CAMERA[1] / 2  # the half that is white
+    assert points.card.details.get("read_all_the_same") is None
+    assert np.abs(errors(shot, points)).max() < 1
 
 
 def test_noise_of_bits_without_inverses_white_and_black_is_measured():

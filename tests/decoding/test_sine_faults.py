@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import replace
 from itertools import pairwise
 
@@ -14,7 +15,7 @@ from retrue.decoding.decode import decode
 from retrue.decoding.sequence.hypotheses import take_sample
 from retrue.decoding.sequence.sine_gains import fit_sine_gains
 from retrue.errors import CaptureError
-from retrue.geometry.arrays import Image
+from retrue.geometry.arrays import FloatArray, Image
 from retrue.patterns.sequence import Frame, FrameSequence
 
 SIZE, CAMERA = (96, 72), (200, 150)
@@ -38,10 +39,14 @@ def seen(frames: list[Frame]) -> list[Image]:
     return [np.clip(np.rint(picture + rng.normal(0, 0.8, picture.shape)), 0, 255).astype(np.uint8) for picture in lit]
 
 
+def true_px(points: Correspondences) -> FloatArray:
+    turn = np.linalg.inv(np.array([[1.9, 0.1], [-0.1, 1.9]]))
+    return np.asarray((points.camera_px - [6.0, 12.0]) @ turn.T)
+
+
 def error(points: Correspondences) -> float:
     """The largest inside: at the border a pixel sees the end of the picture, too."""
-    turn = np.linalg.inv(np.array([[1.9, 0.1], [-0.1, 1.9]]))
-    return float(np.percentile(np.abs(points.projector_px - (points.camera_px - [6.0, 12.0]) @ turn.T), 95))
+    return float(np.nanpercentile(np.abs(points.projector_px - true_px(points)), 95))
 
 
 def backwards(frames: list[Frame], period: float) -> list[Frame]:
@@ -62,6 +67,35 @@ def test_another_order_is_read_and_said(frames: list[Frame], said: str) -> None:
     assert said in points.card.advice[0]
     assert len(points) > 10_000
     assert error(points) < 0.5
+
+
+@pytest.mark.parametrize("turned", [lambda p: p[:, ::-1], lambda p: p[::-1], np.rot90])
+def test_orders_of_which_none_stands_upright_are_named_not_chosen(turned: Callable[[Image], Image]) -> None:
+    """Coarse shifts backwards and mirrored sideways, fine ones and mirrored upwards: these pictures are the same."""
+    frames = backwards(backwards(FRAMES[0] + FRAMES[1], 96), 72)
+    with pytest.raises(CaptureError, match=r"finer sines.*, or .*coarsest sines.* fit either"):
+        decode(PATTERN, [turned(picture) for picture in seen(frames)])
+
+
+def test_of_columns_alone_a_camera_on_its_side_does_not_tell_which_way_up() -> None:
+    pictures = seen(backwards(FRAMES[0], 96))
+    assert error(decode(FrameSequence(SIZE, tuple(FRAMES[0])), pictures)) < 0.5
+    with pytest.raises(CaptureError, match="lies on its side"):
+        decode(FrameSequence(SIZE, tuple(FRAMES[0])), [np.rot90(picture) for picture in pictures])
+
+
+def test_a_coarse_sine_at_the_end_of_its_scale_tells_no_turn() -> None:
+    """One of its pictures twice as bright: where white paint is at 255, its phase is another, and so is the turn."""
+    three = tuple(replace(f, shift=k % 4 / 3) for k, f in enumerate(FRAMES[0] + FRAMES[1]) if k % 4 < 3)
+    paint = np.where(np.arange(CAMERA[0]) % 40 < 10, 1.0, 0.4)
+    light = [picture * paint for picture in seen(list(three))]
+    light[5] *= 2
+    pictures = [np.clip(np.rint(picture), 0, 255).astype(np.uint8) for picture in light]
+    points = decode(FrameSequence(SIZE, three), pictures)
+    assert points.card is not None
+    assert points.card.rejected["saturated"] > 500
+    off = np.abs(points.projector_px - true_px(points)).max(axis=1)
+    assert np.count_nonzero(off > 3) < 1e-3 * len(points)
 
 
 def test_what_is_as_expected_is_read_without_a_word() -> None:

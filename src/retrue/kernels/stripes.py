@@ -26,18 +26,20 @@ def light(
     Lit is what is brighter in white by more than twice `sigmas` of that noise, whose variance is `gain` a grey level.
     """
     cython.declare(y=cython.Py_ssize_t, x=cython.Py_ssize_t, w=cython.float, b=cython.float, v=cython.float)
-    cython.declare(c=cython.float)
     width: cython.Py_ssize_t = white.shape[1]
+    one: cython.float = 1
+    two: cython.float = 2
     with cython.nogil:
         for y in range(white.shape[0]):
             for x in range(width):
                 w, b = white[y, x], black[y, x]
                 v = gain * (w + b)
-                v = sqrt(v if v > LEAST_NOISE else LEAST_NOISE)
-                c = w - b
-                noise[y, x] = v
-                lit[y, x] = c > 2 * (v * sigmas)
-                contrast[y, x] = c if c > 1 else 1
+                noise[y, x] = sqrt(v if v > LEAST_NOISE else LEAST_NOISE)
+                contrast[y, x] = w - b
+            for x in range(width):
+                lit[y, x] = contrast[y, x] > two * (noise[y, x] * sigmas)
+            for x in range(width):
+                contrast[y, x] = contrast[y, x] if contrast[y, x] > one else one
 
 
 def add_bit(

@@ -27,6 +27,8 @@ CAPTURE = "capture"
 
 LEAST_CONTRAST = 8 / 255
 """Of full scale: below it, a capture is dark."""
+LIT = 0.3
+"""Of the strongest contrast: a pixel is lit."""
 SAMPLE_ROWS, SAMPLE_COLUMNS = 24, 400
 ALIKE = 0.1
 """Two pictures whose scaled difference is below it almost everywhere show the same."""
@@ -202,8 +204,16 @@ def _scaled(grey: Sequence[Image]) -> FloatArray:
     values = _sample(grey)
     darkest, brightest = values.min(axis=0), values.max(axis=0)
     contrast = brightest - darkest
-    lit = contrast > 0.3 * np.percentile(contrast, 99)
+    lit = contrast > LIT * np.percentile(contrast, 99)
     return (values[:, lit] - darkest[lit]) / contrast[lit]
+
+
+def changing_pixels(grey: Sequence[Image]) -> float:
+    """How many pixels change brightness from picture to picture as those that are lit do; from a sample."""
+    values = _sample(grey)
+    contrast = values.max(axis=0) - values.min(axis=0)
+    lit = int(np.count_nonzero(contrast > LIT * np.percentile(contrast, 99)))
+    return lit * grey[0].size / contrast.size
 
 
 def _sample(grey: Sequence[Image]) -> NDArray[np.float32]:

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from retrue.correspondences import Card, Correspondences
 from retrue.decoding.gray.decode_gray_code import REASONS as GRAY_REASONS
 from retrue.decoding.gray.decode_gray_code import band_rows, read_gray
-from retrue.decoding.gray.faults import CAPTURE, require_complements, require_light
+from retrue.decoding.gray.faults import CAPTURE, changing_pixels, require_complements, require_light
 from retrue.decoding.gray.sequence import gray_sequence
 from retrue.decoding.light import FULL, saturated
 from retrue.decoding.sequence.arrange import (
@@ -41,6 +41,8 @@ LEAST_SINE = 0.1
 """Of the angle between the two axes of the projector, as the camera sees them."""
 MOST_OVEREXPOSED = 0.3
 """Of the lit pixels: with more, overexposure may be why a capture does not decode."""
+HARDLY_ANY = 0.05
+"""Of the pixels whose brightness changes: of less that decodes, noise that was told from wrong pictures may be why."""
 LEAST_LIT = 0.01
 """Of the picture: of less, noise is why nothing decodes, since light was seen."""
 REASONS = {**GRAY_REASONS, **SINE_REASONS}
@@ -106,44 +108,63 @@ def _decode_or_diagnose(
         sequence = arrange(pattern, images, names)
         if (fault := find_sine_fault(sequence.spec, sequence.pictures, sequence.names)) is not None:
             return _read_all_the_same(sequence, fault)
-        return decode_arranged(sequence), sequence
+        points = decode_arranged(sequence)
     except CaptureError as error:
         if len({image.shape[:2] for image in images}) != 1 or len({image.dtype for image in images}) != 1:
             raise
-        from retrue.decoding.sequence.diagnosis import diagnose, pair_starts
-
-        frames = frames_of(pattern, len(images)) or ()
-        if not any(frame.code == "gray" for frame in frames):
-            raise
-        found = diagnose(pattern, images, names)
-        if found is None:
-            require_light(grey := grey_pictures(images))
-            require_complements(grey, names, pair_starts(frames))  # which tells the picture
-            raise
-        what = "; ".join(found.causes)
-        if found.sequence is None:
-            raise CaptureError(CAPTURE, what) from error
+        return _diagnosed(pattern, images, names, error)
+    if len(points) < HARDLY_ANY * changing_pixels(sequence.pictures):
+        doubt = CaptureError(CAPTURE, "hardly any lit pixel decodes")
         try:
-            points = decode_arranged(found.sequence)
-        except CaptureError as still:
-            if not {"gain_spread", "share_of_picture_before"} & set(found.figures):
-                raise error from None  # another order that does not decode explains nothing
-            raise CaptureError(CAPTURE, f"{what}; read so, {still.problem}") from error
-        assert points.card is not None
-        card = replace(
-            points.card,
-            advice=(f"read all the same: {what}", *points.card.advice),
-            details={**points.card.details, "read_all_the_same": list(found.causes), **found.figures},
-        )
-        return replace(points, card=card), found.sequence
+            return _diagnosed(pattern, images, names, doubt)
+        except CaptureError as told:
+            if told is not doubt:
+                raise
+    return points, sequence
+
+
+def _diagnosed(
+    pattern: GrayCode | FrameSequence, images: Sequence[Image], names: Sequence[str], error: CaptureError
+) -> tuple[Correspondences, ArrangedSequence]:
+    """As what they are; raises `error`, why they are not what was expected, where nothing tells more."""
+    from retrue.decoding.sequence.diagnosis import diagnose, pair_starts
+
+    frames = frames_of(pattern, len(images)) or ()
+    if not any(frame.code == "gray" for frame in frames):
+        raise error
+    found = diagnose(pattern, images, names)
+    if found is None:
+        require_light(grey := grey_pictures(images))
+        require_complements(grey, names, pair_starts(frames))  # which tells the picture
+        raise error
+    what = "; ".join(found.causes)
+    if found.sequence is None:
+        raise CaptureError(CAPTURE, what) from error
+    try:
+        points = decode_arranged(found.sequence)
+    except CaptureError as still:
+        if not {"gain_spread", "share_of_picture_before"} & set(found.figures):
+            raise error from None  # another order that does not decode explains nothing
+        raise CaptureError(CAPTURE, f"{what}; read so, {still.problem}") from error
+    return _told(points, found.causes, found.figures), found.sequence
+
+
+def _told(points: Correspondences, causes: Sequence[str], figures: Mapping[str, float]) -> Correspondences:
+    """The same, with what happened in its card."""
+    card = points.card
+    assert card is not None
+    advice = (f"read all the same: {'; '.join(causes)}", *card.advice)
+    return replace(
+        points,
+        card=replace(card, advice=advice, details={**card.details, "read_all_the_same": list(causes), **figures}),
+    )
 
 
 def _read_all_the_same(sequence: ArrangedSequence, fault: SineFault) -> tuple[Correspondences, ArrangedSequence]:
     """With the order, and without the gains and the share of the picture before, that were found; raises where that
     cannot be."""
-    what = "; ".join(fault.causes)
     if fault.spec is None:
-        raise CaptureError(CAPTURE, what)
+        raise CaptureError(CAPTURE, "; ".join(fault.causes))
     pictures = sequence.pictures
     if fault.share or fault.gains is not None:
         from retrue.decoding.sequence.diagnosis import without_light_faults
@@ -157,30 +178,20 @@ def _read_all_the_same(sequence: ArrangedSequence, fault: SineFault) -> tuple[Co
     points = decode_arranged(sequence)
     if ON_ITS_HEAD in fault.causes:
         points = _without_ends(points)
-    assert points.card is not None
-    card = replace(
-        points.card,
-        advice=(f"read all the same: {what}", *points.card.advice),
-        details={**points.card.details, "read_all_the_same": list(fault.causes), **fault.figures},
-    )
-    return replace(points, card=card), sequence
+    return _told(points, fault.causes, fault.figures), sequence
 
 
 def _without_ends(points: Correspondences) -> Correspondences:
-    """Without the projector's first column and row.
-
-    A picture on its head shows pixel n at side - 1 - n, shifts that run the other way show it at side - n, which at
-    the first pixel is a turn less. Which it is, only there matters by more than a pixel.
-    """
+    """Without the projector's first column and row: only there it matters which it is. A picture on its head shows
+    pixel n at side - 1 - n, shifts that run the other way show it at side - n, at the first pixel a turn less."""
     x, y = points.projector_px.T
     kept = (x > FIRST_PX) & (y > FIRST_PX)
     card, lost = points.card, int(np.count_nonzero(~kept))
     assert card is not None
     rejected = {**card.rejected, "beyond": card.rejected["beyond"] + lost}
     coverage = card.coverage * (1 - lost / len(points))
-    return replace(
-        points.select(kept), card=replace(card, decoded=card.decoded - lost, rejected=rejected, coverage=coverage)
-    )
+    card = replace(card, decoded=card.decoded - lost, rejected=rejected, coverage=coverage)
+    return replace(points.select(kept), card=card)
 
 
 @dataclass(frozen=True, slots=True, eq=False)

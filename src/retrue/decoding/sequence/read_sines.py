@@ -41,7 +41,7 @@ FEWEST_TURNS = 4
 RIDGE = 1e-9
 MOST_PIXELS_TO_FIT = 12_000
 REASONS = {
-    "saturated": "a picture of the finest sine is at the end of its scale",
+    "saturated": "a picture of a sine is at the end of its scale",
     "turn": "whole turns are not certain: coarse and fine pictures disagree by more than their noise",
     "beyond": "coordinate beyond the projector, or at the end of its picture",
     "edge": "on the edge of a surface: neighbours differ by far more than elsewhere",
@@ -190,15 +190,16 @@ def _read_axis(sequence: ArrangedSequence, plan: AxisPlan, noise: Noise) -> _Axi
     pixels = np.flatnonzero(may)
     wrapped: list[Wrapped] = []
     for sine, ripple in zip(plan.sines, plan.ripples, strict=True):
-        seen = [np.take(sequence.pictures[index], pixels, mode="clip") for index in sine.pictures]
-        wrapped.append(straightened(demodulate(seen, sine, noise), ripple, len(seen)))
+        seen = demodulate([sequence.pictures[index] for index in sine.pictures], sine, noise, pixels)
+        wrapped.append(straightened(seen, ripple, len(sine.pictures)))
     finest = wrapped[0]
     cue, trusted = (None, None) if plan.cue is None else read_cue(*plan.cue, every)
     coarse, steps = ladder(wrapped, plan.side, None if cue is None else cue.at(pixels))
     found = unwrap(coarse, steps, plan.bend, plan.side)
     if trusted is not None:
         found.flags[0] &= np.take(trusted, pixels).view(np.uint8)
-    flags = np.concatenate([found.flags, [finest.variance < LIT_VARIANCE, finest.saturated]], dtype=np.uint8)
+    full = reduce(np.logical_or, [sine.saturated for sine in wrapped])  # a coarse one too: else it tells a wrong turn
+    flags = np.concatenate([found.flags, [finest.variance < LIT_VARIANCE, full]], dtype=np.uint8)
     images, masks = np.zeros((3, *may.shape), np.float32), np.zeros((4, *may.shape), np.uint8)
     kernel.spread(pixels, found.known, finest.modulation, flags, images.reshape(3, -1), masks.reshape(4, -1))
     told = (flags[2] & ~flags[3]).view(np.bool_)

@@ -3,7 +3,7 @@
 Of a sample of lit pixels. All sines of an axis tell one place, so a coarse one foretells the phase of the next finer;
 and all pictures share the scene, so every sine has the same mean and much the same modulation. Where that does not
 hold, what people do to a sequence is tried, and what makes it hold is told. Of orders that hold alike, the simplest
-counts, and that by which the projector's picture stands upright.
+counts, and that by which the projector's picture stands upright; where neither stands better, none is read.
 """
 
 from __future__ import annotations
@@ -101,7 +101,12 @@ def find_sine_fault(spec: FrameSequence, grey: Sequence[Image], names: Sequence[
         most = max((own[0] for own in tried), default=0.0)
         if most > max(held + CLEAR, HOLDS):
             alike = [own for own in tried if own[0] > most - CLEAR / 3]
-            held, what, found = max(alike, key=lambda own: (-len(own[1]), _upright(_turning(as_it_was, own[2]))))
+            fewest = min(len(own[1]) for own in alike)
+            simplest = [(_upright(_turning(as_it_was, own[2])), own) for own in alike if len(own[1]) == fewest]
+            upright = [own for score, own in simplest if score == max(score for score, _ in simplest)]
+            if len(upright) > 1:
+                return _unreadable(_either([own[1] for own in upright], _turning(as_it_was, upright[0][2])))
+            held, what, found = upright[0]
             causes += what
     if held > HOLDS:
         turning = _turning(as_it_was, found)
@@ -189,9 +194,21 @@ def _aside(turning: FloatArray) -> bool:
     return bool(abs(turning[0, 1]) + abs(turning[1, 0]) > abs(turning[0, 0]) + abs(turning[1, 1]))
 
 
-def _upright(turning: FloatArray) -> float:
-    """By how much the projector's picture stands upright, its axes exchanged where they are."""
-    return float(np.trace(turning[::-1] if _aside(turning) else turning))
+def _upright(turning: FloatArray) -> int:
+    """How many axes run as they would upright, less those that run the other way; the axes exchanged where they are."""
+    if not _aside(turning):
+        return int(np.sign(np.diagonal(turning)).sum())
+    return int(np.sign(np.diagonal(turning[::-1])).sum()) if turning.any(axis=1).all() else 0
+
+
+def _either(orders: Sequence[Sequence[str]], turning: FloatArray) -> str:
+    """That the pictures fit each of these orders, which would tell other places."""
+    aside = "lies on its side" if _aside(turning) else "is mirrored"
+    either = ", or ".join(" and ".join(order) for order in orders)
+    return (
+        f"{either}: these pictures fit either, since the projector's picture {aside}; set that right, or give the "
+        "shifts as they were shown"
+    )
 
 
 def _telling(sample: Sample, spec: FrameSequence, grey: Sequence[Image]) -> Sample:

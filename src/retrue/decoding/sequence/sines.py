@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cache
+from math import prod
 
 import numpy as np
 from numpy.typing import NDArray
@@ -39,18 +40,23 @@ class Wrapped:
     saturated: BoolArray
 
 
-def demodulate(pictures: Sequence[Image], sine: Sine, noise: Noise) -> Wrapped:
-    """Least squares of B + A cos(2 pi (phase - shift_k)) in each pixel.
+def demodulate(pictures: Sequence[Image], sine: Sine, noise: Noise, pixels: NDArray[np.intp] | None = None) -> Wrapped:
+    """Least squares of B + A cos(2 pi (phase - shift_k)) in each pixel, or in those of the flat indices `pixels`.
 
     For N equal shifts that is the phase atan2(sum I_k sin, sum I_k cos); its variance is propagated from each picture's
     own noise, sigma_phase = sigma_I sqrt(2 / N) / A radians where that is the same for all.
 
     Source: Bruning et al., "Digital wavefront measuring interferometer", Applied Optics 13, 1974.
     """
-    shape, dtype = pictures[0].shape, pictures[0].dtype
+    shape, dtype = pictures[0].shape if pixels is None else pixels.shape, pictures[0].dtype
     cosine, sine_row = _weights(sine.shifts)
     floor = noise.floor * np.array([np.sum(cosine**2), np.sum(cosine * sine_row), np.sum(sine_row**2)])
-    seen = np.stack([picture.reshape(-1) for picture in pictures])
+    seen = np.empty((len(pictures), prod(shape)), dtype)
+    for row, picture in zip(seen, pictures, strict=True):
+        if pixels is None:
+            row[:] = picture.reshape(-1)
+        else:
+            np.take(picture, pixels, out=row, mode="clip")
     found, saturated = np.empty((3, seen.shape[1]), np.float32), np.empty(seen.shape[1], np.uint8)
     kernel.demodulate(
         seen,
