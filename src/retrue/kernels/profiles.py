@@ -219,6 +219,61 @@ def fit_sides(
                 position[n, 1] += along * ay
 
 
+def fit_single_sides(
+    pixels: cython.const[Pixel][::1],
+    height: cython.Py_ssize_t,
+    width: cython.Py_ssize_t,
+    levels: cython.const[cython.double][::1],
+    t: cython.const[cython.double][::1],
+    s: cython.const[cython.double][::1],
+    half_s: cython.const[cython.double][::1],
+    weights: cython.const[cython.double][:, ::1],
+    blocks: cython.const[cython.Py_ssize_t][::1],
+    right: cython.const[cython.double][:, ::1],
+    down: cython.const[cython.double][:, ::1],
+    shift: cython.const[cython.double][:, ::1],
+    outward: cython.const[cython.double][:, ::1],
+    profile: cython.double[::1],
+    position: cython.const[cython.double][:, ::1],
+    apart: cython.double[:, ::1],
+) -> cython.void:
+    """`apart` (N, 4) <- pitches along either axis to where each of `blocks` is by its side before, and by that after.
+
+    Read on the lines `s`; on `half_s`, of the half that is away from it, where the surface ends along the other axis,
+    `outward` (N, 2), 1 after the block or -1 before it. `t` begins with the middle of a block, then comes the window
+    about its side: light that falls off across the block shows between the first two.
+    """
+    cython.declare(k=cython.Py_ssize_t, axis=cython.Py_ssize_t, side=cython.Py_ssize_t, i=cython.Py_ssize_t)
+    with cython.nogil:
+        samples = t.shape[0]
+        half = (t[samples - 1] - t[1]) / 2
+        for k in range(blocks.shape[0]):
+            n = blocks[k]
+            ux, uy, vx, vy = right[n, 0], right[n, 1], down[n, 0], down[n, 1]
+            for axis in range(2):
+                x, y = position[n, 0] + shift[n, 2 * axis], position[n, 1] + shift[n, 2 * axis + 1]
+                ax, ay, bx, by = (ux, uy, vx, vy) if axis == 0 else (vx, vy, ux, uy)
+                away = outward[n, 1 - axis]
+                for side in range(2):
+                    sign = -1.0 if side == 0 else 1.0
+                    cx, cy = sign * ax, sign * ay
+                    if away == 0:
+                        _read_profile(pixels, height, width, levels, weights, n, x, y, cx, cy, bx, by, t, s, profile)
+                    else:
+                        dx, dy = -away * bx, -away * by
+                        _read_profile(
+                            pixels, height, width, levels, weights, n, x, y, cx, cy, dx, dy, t, half_s, profile
+                        )
+                    total, last = 0.0, profile[samples - 1]
+                    for i in range(1, samples):
+                        total += profile[i]
+                    step = max(profile[1] - last, 1e-6)
+                    share = (total / (samples - 1) - last) / step
+                    off = 2 * half * (min(max(share, 0.0), 1.0) - 0.5)
+                    off -= 0.5 * half * half * (profile[1] - profile[0]) / (t[1] - t[0]) / step
+                    apart[n, 2 * axis + side] = sign * off
+
+
 @cython.cfunc
 @cython.nogil
 @cython.inline
