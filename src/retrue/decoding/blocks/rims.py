@@ -81,7 +81,7 @@ def _may_be_cut(apart: FloatArray, outward: FloatArray, noise: float) -> BoolArr
     """(rows, columns) blocks that some side has further out than noise makes it."""
     before, after = apart[..., 0], apart[..., 1]
     off: FloatArray = np.where(outward > 0, before, np.where(outward < 0, -after, (before - after) / 2))
-    return (off > CERTAIN * noise).any(axis=-1)
+    return np.asarray((off > CERTAIN * noise).any(axis=-1), dtype=np.bool_)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
