@@ -1,6 +1,6 @@
 """Do reported values lie within their stated uncertainty? Simulated acceptance tests of rigs with errors.
 
-    python -m benchmarks.acceptance [TESTS] [SEED]
+    python -m benchmarks.acceptance [TESTS] [SEED] [FIRST]
 
 Each test draws a rig with errors in pose, focal lengths and distortion, a ball bar and a plate in random positions, the
 errors of the artefact's calibration, and noise of 0.03 to 0.2 px. The truth of size and spacing is what the same
@@ -25,7 +25,7 @@ from retrue.geometry.sphere import sphere_through
 from retrue.geometry.transform import RigidTransform
 from retrue.rig import Rig
 from retrue.simulation.surfaces import Wall
-from tests.acceptance.simulated import ball, measured, noisy, seen, wrong_rig
+from tests.acceptance.simulated import ball, measured, noisy, placed, seen, wrong_rig
 
 REPEATS = 20
 OUTLIERS = 0.003
@@ -77,7 +77,7 @@ def _mean_range(
 ) -> float:
     """Of the residuals, over new captures of the points."""
     alone = replace(points, cells=None)
-    captures = (measured(rig, noisy(alone, random, sigma)).points for _ in range(REPEATS))
+    captures = (placed(rig, noisy(alone, random, sigma)) for _ in range(REPEATS))
     return float(np.mean([trimmed_range(residuals(capture), OUTLIERS) for capture in captures]))
 
 
@@ -109,21 +109,21 @@ def _rows_of(points: Correspondences, camera_px: np.ndarray) -> np.ndarray:
     return np.unique(rows)
 
 
-def study(tests: int, seed: int = 0) -> Errors:
-    """The errors of so many tests."""
-    random = np.random.default_rng(seed)
+def study(tests: int, seed: int = 0, first: int = 0) -> Errors:
+    """The errors of so many tests, each of its own random numbers, from the `first`."""
     errors: Errors = defaultdict(list)
-    for number in range(tests):
+    for number in range(first, first + tests):
+        random = np.random.default_rng([seed, number])
         rig, sigma = wrong_rig(random), random.uniform(0.03, 0.2)
         bar_test(random, rig, sigma, errors)
         plate_test(random, rig, sigma, errors)
-        print(f"\r{number + 1} of {tests}", end="", file=sys.stderr)
+        print(f"\r{number + 1 - first} of {tests}", end="", file=sys.stderr)
     return errors
 
 
 def main() -> None:
     words = [int(word) for word in sys.argv[1:]]
-    errors = study(words[0] if words else 200, words[1] if len(words) > 1 else 0)
+    errors = study(*(words or [200]))
     for quantity, pairs in errors.items():
         off, expanded = np.array(pairs).T
         share = (np.abs(off) <= expanded).mean()

@@ -1,6 +1,8 @@
 """Colours of points beside those that the scene truly has, in grey levels of 255, RMS over red, green, blue.
 
-    python -m benchmarks.object.colors [SCENES] [FIRST SEED]
+    python -m benchmarks.object.colors [SCENES] [FIRST SEED] [PAINT ...]
+
+One paint takes some minutes: of `plain`, `colored` and `printed` all are asked, unless some are named.
 
 In white light: the truth is the picture without noise that the camera would take in the projector's white light;
 without a white picture, less the room's light, which a single picture of a grid does not tell from the surface. Beside
@@ -42,7 +44,7 @@ PAINTS = {
 }
 
 
-def main(scenes: int, first: int) -> None:
+def main(scenes: int, first: int, paints: list[str]) -> None:
     print(f"{'':18}in white light {'':22}albedo")
     names = (
         ("points", 8),
@@ -54,7 +56,8 @@ def main(scenes: int, first: int) -> None:
     )
     print(f"{'paint':10}" + "".join(f"{name:>{width}}" for name, width in names))
     pattern, rig = PATTERNS["color grid"](), make_rig((1280, 960))
-    for name, paint in PAINTS.items():
+    for name in paints:
+        paint = PAINTS[name]
         errors: list[list[FloatArray]] = [[], [], [], [], []]
         for seed in range(first, first + scenes):
             distance = DISTANCES[seed % len(DISTANCES)]
@@ -88,5 +91,5 @@ def beside(colors: FloatArray, albedo: FloatArray) -> FloatArray:
 
 
 if __name__ == "__main__":
-    words = [int(word) for word in sys.argv[1:]]
-    main(words[0] if words else 3, words[1] if len(words) > 1 else 9000)
+    words = [int(word) for word in sys.argv[1:3]]
+    main(words[0] if words else 3, words[1] if len(words) > 1 else 9000, sys.argv[3:] or list(PAINTS))

@@ -5,6 +5,7 @@ import numpy as np
 from retrue.correspondences import Correspondences
 from retrue.geometry.camera import Camera
 from retrue.geometry.transform import RigidTransform
+from retrue.geometry.triangulation import triangulate
 from retrue.reconstruction.reconstruct import reconstruct
 from retrue.rig import Rig
 from retrue.simulation.scene import Scene, look, pixel_grid
@@ -51,6 +52,13 @@ def measured(rig, points):
     from retrue.reconstruction.options import ReconstructOptions
 
     return reconstruct(rig, points, ReconstructOptions(outlier_sigmas=50.0, keep_strays=True))
+
+
+def placed(rig, points):
+    """(N, 3) of them, as reconstruction has them, without how sure they are."""
+    rays = rig.camera.unproject(points.camera_px), rig.projector.unproject(points.projector_px)
+    sigmas = [1 / np.sqrt(device.K[0, 0] * device.K[1, 1]) for device in (rig.camera, rig.projector)]
+    return triangulate(rig.projector_from_camera, *rays, camera_sigma=sigmas[0], projector_sigma=sigmas[1])
 
 
 def ball(x, y, z, diameter):

@@ -11,13 +11,13 @@ import numpy as np
 import pytest
 
 from retrue.decoding import surface
-from retrue.decoding.blocks import blobs, centres, colors, growth, holders, islands, links, places
+from retrue.decoding.blocks import blobs, centres, colors, growth, holders, islands, links, places, rims
 from retrue.decoding.blocks.decode_color_grid import inspect_color_grid
 from retrue.geometry import nearest
 from retrue.patterns.color_grid import make_color_grid
 from tests.kernels.plain import SOURCES, plain
 
-KERNELS = ("blobs", "curvature", "lattice", "links", "places", "profiles")
+KERNELS = ("blobs", "curvature", "lattice", "links", "patches", "places", "profiles")
 FIELDS = ("label", "verdict", "holder", "centre_px", "sigma_px", "confidence", "color")
 
 
@@ -64,7 +64,7 @@ def test_every_kernel_says_the_same_uncompiled(
     expected = inspect_color_grid(grid, picture)
     assert (expected.holder >= 0).sum() > 60
     called: set[str] = set()
-    for module in (blobs, centres, colors, growth, holders, islands, links, nearest, places, surface):
+    for module in (blobs, centres, colors, growth, holders, islands, links, nearest, places, rims, surface):
         for name in ("kernel", "link_kernel", "bend_kernel"):
             if hasattr(module, name):
                 monkeypatch.setattr(module, name, Checked(getattr(module, name), called))

@@ -21,6 +21,7 @@ BLUE, WHITE, RED = (np.array(color, dtype=np.float64) for color in ((33, 90, 180
 BARS = 31
 INK, FAINT, BAR = "#1c2733", "#5b6b7a", "#7f9bb3"
 POINT = 2.8346  # points of print a millimetre
+DOT = 2.6  # points of print, radius of a position
 
 
 def part(name: str) -> Any:
@@ -85,41 +86,58 @@ def histogram(position: Position, unit: str) -> Any:
 
 
 def volume_plan(positions: Sequence[Position], unit: str) -> Any:
-    """From above and from the side: the camera at the left, a dot and a number for each position."""
+    """From above and from the side: a dot and a number for each position, and how far the camera is to the left."""
     Circle: Any = part("graphics.shapes.Circle")
     Drawing: Any = part("graphics.shapes.Drawing")
     Line: Any = part("graphics.shapes.Line")
     Polygon: Any = part("graphics.shapes.Polygon")
+    Rect: Any = part("graphics.shapes.Rect")
     String: Any = part("graphics.shapes.String")
     HexColor: Any = part("lib.colors.HexColor")
 
-    width, height, gap = 166 * POINT, 30 * POINT, 10 * POINT
+    width, height, gap, foot, camera = 166 * POINT, 46 * POINT, 10 * POINT, 16.0, 20.0
     each = (width - gap) / 2
     drawing = Drawing(width, height)
     centres = np.array([position.centre for position in positions])
-    far = float(centres[:, 2].max()) * 1.15
-    scale = min((each - 14) / far, (height - 34) / (2 * max(float(np.abs(centres[:, :2]).max()) * 1.25, 0.12 * far)))
-    middle = (height + 14) / 2
+    low, high = centres.min(axis=0), centres.max(axis=0)
+    extent = np.maximum(high - low, 0.02 * float(high[2]))
+    room = np.array([height - foot, height - foot, each - camera]) - 10 * DOT
+    scale = float((room / extent).min())
 
-    def text(x: float, y: float, words: str, size: float = 7.5, color: str = FAINT, anchor: str = "start") -> None:
-        label: Any = String(x, y, words, fontName="Helvetica", fontSize=size, textAnchor=anchor)
+    def text(x: float, y: float, words: str, color: str = FAINT, anchor: str = "start") -> None:
+        label: Any = String(x, y, words, fontName="Helvetica", fontSize=7.5, textAnchor=anchor)
         label.fillColor = HexColor(color)
         drawing.add(label)
 
-    for view, (axis, name, sign) in enumerate(((0, "from above", -1.0), (1, "from the side", -1.0))):
-        left = view * (each + gap) + 10
-        drawing.add(Line(left, middle, left + each - 14, middle, strokeColor=HexColor("#b8c4ce"), strokeWidth=0.5))
-        drawing.add(
-            Polygon(
-                [left - 8, middle - 5, left - 8, middle + 5, left, middle], fillColor=HexColor(INK), strokeColor=None
-            )
-        )
-        for number, centre in enumerate(centres, start=1):
-            x, y = left + centre[2] * scale, middle + sign * centre[axis] * scale
-            drawing.add(Circle(x, y, 6, fillColor=HexColor("#2f6690"), strokeColor=None))
-            text(x, y - 2.6, str(number), 7.5, "#ffffff", "middle")
-        text(left, 4, f"{name}; farthest {figures(float(centres[:, 2].max()), 4)} {unit} from the camera")
+    for view, (axis, name) in enumerate(((0, "from above"), (1, "from the side"))):
+        left, middle = view * (each + gap), (height + foot) / 2
+        frame = (left + camera, foot, each - camera, height - foot)
+        drawing.add(Rect(*frame, fillColor=None, strokeColor=HexColor("#d5dde4"), strokeWidth=0.5))
+        eye = [left, middle - 5, left, middle + 5, left + 8, middle]
+        drawing.add(Polygon(eye, fillColor=HexColor(INK), strokeColor=None))
+        drawing.add(Line(left + 8, middle, left + camera, middle, strokeColor=HexColor(FAINT), strokeDashArray=[2, 2]))
+        away = (centres - (low + high) / 2) * scale
+        dots = np.stack([left + (each + camera) / 2 + away[:, 2], middle - away[:, axis]], axis=1)
+        for x, y in dots:
+            drawing.add(Circle(x, y, DOT, fillColor=HexColor("#2f6690"), strokeColor=None))
+        for number, (x, y) in enumerate(_beside_dots(dots), start=1):
+            text(x, y - 2.6, str(number), INK, "middle")
+        near, far = (figures(float(bound[2]), 4) for bound in (low, high))
+        text(left, 4, f"{name}; {near} to {far} {unit} from the camera, at the left")
     return drawing
+
+
+def _beside_dots(dots: FloatArray) -> FloatArray:
+    """(N, 2) a place for a number beside each dot: the one farthest from the other dots, and from numbers before."""
+    angles = np.linspace(0, 2 * np.pi, 12, endpoint=False)
+    ring = 3.2 * DOT * np.stack([np.cos(angles), np.sin(angles)], axis=1)
+    places = np.empty((0, 2))
+    for dot in dots:
+        taken = np.concatenate([dots[(dots != dot).any(axis=1)], places])
+        around = dot + ring
+        free = np.linalg.norm(around[:, None] - taken, axis=2).min(axis=1, initial=4 * DOT)
+        places = np.concatenate([places, around[[int(free.argmax())]]])
+    return places
 
 
 def _colors(shares: FloatArray) -> NDArray[np.uint8]:

@@ -195,21 +195,18 @@ class _Profiles:
     @classmethod
     def of(cls, picture: _Smoothed, duty: float, shaded: bool = False) -> _Profiles:
         t = np.linspace(-PROFILE_REACH, PROFILE_REACH, SAMPLES)
-        return cls(picture, t, _beside(LINES, duty), _filters(duty, shaded))
+        return cls(picture, t, beside(LINES, duty), _filters(duty, shaded))
 
     @classmethod
     def of_sides(cls, picture: _Smoothed, duty: float) -> _Profiles:
-        window = SIDE_WINDOW * min(1 - duty, duty) / 2
-        t = duty / 2 + np.linspace(-window, window, SIDE_SAMPLES)
-        return cls(picture, t, _beside(SIDE_LINES, duty), np.empty((0, 2, SIDE_SAMPLES)))
+        return cls(picture, side_window(duty), beside(SIDE_LINES, duty), np.empty((0, 2, SIDE_SAMPLES)))
 
     def off_centre(self, bend: FloatArray, duty: float) -> FloatArray:
         """(rows, columns, 2, 2) from the centre to the middle of the two sides, along the row and along the column.
 
-        By second derivatives (rows, columns, 2, 2): of sides h away, on lines s beside the centre, the middle is off by
-        half of h^2 x_uu + s^2 x_vv.
+        By second derivatives (rows, columns, 2, 2).
         """
-        return 0.5 * ((duty / 2) ** 2 * bend + float((self.s**2).mean()) * bend[..., ::-1, :])
+        return off_centre(bend, duty, self.s)
 
     def measure(
         self,
@@ -250,5 +247,18 @@ def _filters(duty: float, shaded: bool) -> FloatArray:
     return np.stack(filters)
 
 
-def _beside(lines: int, duty: float) -> FloatArray:
+def off_centre(bend: FloatArray, duty: float, s: FloatArray) -> FloatArray:
+    """(..., 2, 2) px from a centre to the middle of two sides h away, mean over lines s beside the centre: half of
+    h^2 x_uu + s^2 x_vv, with `bend` the second derivatives."""
+    return 0.5 * ((duty / 2) ** 2 * bend + float((s**2).mean()) * bend[..., ::-1, :])
+
+
+def side_window(duty: float) -> FloatArray:
+    """Samples about one side, in pitches from the centre: nearly from the middle of the block to that of the gap."""
+    window = SIDE_WINDOW * min(1 - duty, duty) / 2
+    return duty / 2 + np.linspace(-window, window, SIDE_SAMPLES)
+
+
+def beside(lines: int, duty: float) -> FloatArray:
+    """Profiles side by side, in pitches from the centre."""
     return np.linspace(-0.5, 0.5, lines) * duty * SPREAD

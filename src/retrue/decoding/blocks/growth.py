@@ -11,7 +11,7 @@ from retrue.decoding.blocks.links import NONE
 from retrue.decoding.surface import Joints, lengths, median, slopes
 from retrue.geometry.arrays import BoolArray, FloatArray, Image, IntArray
 from retrue.geometry.nearest import nearest
-from retrue.kernels import profiles as kernel
+from retrue.kernels import patches as kernel
 
 SIDES = ((0, 1), (1, 0), (0, -1), (-1, 0))  # (down, right), in the order right, down, left, up
 ROUNDS = 8

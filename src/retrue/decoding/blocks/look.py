@@ -16,6 +16,7 @@ from retrue.decoding.blocks.holders import held_by, hold_places, on_surfaces
 from retrue.decoding.blocks.islands import place_islands
 from retrue.decoding.blocks.links import NONE, Links, link_blocks
 from retrue.decoding.blocks.places import Code, code_of, place_blocks
+from retrue.decoding.blocks.rims import at_rims
 from retrue.decoding.blocks.sight import GridSight, Verdict
 from retrue.decoding.surface import Joints, lengths, median, noise_of, slopes
 from retrue.geometry.arrays import FloatArray, Image, IntArray
@@ -52,6 +53,7 @@ def look(pattern: ColorGrid, picture: Image, halvings: int) -> GridSight:
             surfaces = table.extended(surfaces, holder, joints)
             block, distance = table.nearest_blocks(surfaces)
 
+    surfaces = at_rims(picture, surfaces, table.duty)
     holder = _nearest_blobs(code, block, distance)
     verdict[verdict == Verdict.DECODED] = Verdict.OFF_SURFACE
     verdict[holder[holder >= 0]] = Verdict.DECODED

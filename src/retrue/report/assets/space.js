@@ -90,14 +90,20 @@ class Space {
     for (const line of this.lines) this.uploadLine(line);
   }
 
-  // As near as shows all that is to be seen at first.
+  // As near as shows all that is to be seen at first, in the middle of the picture.
   reset() {
     this.target = [...this.spec.middle]; this.turn = [...this.spec.turn]; this.distance = 1;
-    const m = this.matrix(this.canvas.clientWidth || 1, this.canvas.clientHeight || 1);
-    this.distance = Math.max(1e-9, ...this.spec.ends.map((end) => {
-      const away = end.map((value, axis) => value - this.target[axis]), along = (row) => m[row] * away[0] + m[row + 4] * away[1] + m[row + 8] * away[2];
-      return Math.max(Math.abs(along(0)), Math.abs(along(1))) / 0.9 - along(3);
-    }));
+    const m = this.matrix(this.canvas.clientWidth || 1, this.canvas.clientHeight || 1), row = (r) => [m[r], m[r + 4], m[r + 8]];
+    const along = (r, end) => row(r).reduce((sum, value, axis) => sum + value * (end[axis] - this.target[axis]), 0);
+    for (let round = 0; round < 5; round++) {
+      this.distance = Math.max(1e-9, ...this.spec.ends.map((end) => Math.max(Math.abs(along(0, end)), Math.abs(along(1, end))) / 0.9 - along(3, end)));
+      if (round === 4) break;
+      for (const r of [0, 1]) {
+        const seen = this.spec.ends.map((end) => along(r, end) / (this.distance + along(3, end)));
+        const off = this.distance * (Math.min(...seen) + Math.max(...seen)) / 2, square = row(r).reduce((sum, value) => sum + value * value, 0);
+        this.target = this.target.map((value, axis) => value + off * row(r)[axis] / square);
+      }
+    }
   }
 
   compiled() {
@@ -224,8 +230,9 @@ class Space {
 
   // Few points are drawn larger, so that they read as a surface.
   pointSize(most) {
-    const area = this.canvas.clientWidth * this.canvas.clientHeight, shown = this.spec.layers.reduce((sum, layer) => sum + layer.count, 0) || 1;
-    return Math.min(8, Math.max(1.8, 0.22 * Math.sqrt(area / Math.min(most, shown))));
+    const area = this.canvas.clientWidth * this.canvas.clientHeight;
+    const shown = this.spec.layers.reduce((sum, layer) => sum + (layer.when === "before" ? 0 : layer.count), 0) || 1;
+    return Math.min(8, Math.max(1.8, 0.3 * Math.sqrt(area / Math.min(most, shown))));
   }
 
   learn(milliseconds) {
