@@ -102,3 +102,26 @@ def test_a_request_that_is_broken_off_is_not_said_and_what_else_goes_wrong_is():
         info = (type(error), error, None)
         assert worth_saying(logging.LogRecord("uvicorn.error", logging.ERROR, "", 0, "", None, info)) == said
     assert worth_saying(logging.LogRecord("uvicorn.error", logging.ERROR, "", 0, "a line", None, None))
+
+
+def test_tasks_that_ended_late_are_not_worth_saying(caplog: pytest.LogCaptureFixture) -> None:
+    from nicegui import background_tasks
+
+    async def slow_to_end() -> None:
+        try:
+            await asyncio.sleep(60)
+        except asyncio.CancelledError:
+            await asyncio.sleep(60)
+
+    async def ended() -> None:
+        task = asyncio.create_task(slow_to_end())
+        background_tasks.running_tasks.add(task)
+        task.add_done_callback(background_tasks.running_tasks.discard)
+        await asyncio.sleep(0)
+        await background_tasks.teardown()
+
+    asyncio.run(ended())
+    said = [record for record in caplog.records if record.name == "nicegui"]
+    assert [worth_saying(record) for record in said] == [False]
+    left = logging.LogRecord("nicegui", logging.ERROR, "", 0, said[0].msg, (1, "decode"), None)
+    assert worth_saying(left)

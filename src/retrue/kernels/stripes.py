@@ -28,7 +28,6 @@ def light(
     cython.declare(y=cython.Py_ssize_t, x=cython.Py_ssize_t, w=cython.float, b=cython.float, v=cython.float)
     width: cython.Py_ssize_t = white.shape[1]
     one: cython.float = 1
-    two: cython.float = 2
     with cython.nogil:
         for y in range(white.shape[0]):
             for x in range(width):
@@ -37,7 +36,7 @@ def light(
                 noise[y, x] = sqrt(v if v > LEAST_NOISE else LEAST_NOISE)
                 contrast[y, x] = w - b
             for x in range(width):
-                lit[y, x] = contrast[y, x] > two * (noise[y, x] * sigmas)
+                lit[y, x] = contrast[y, x] > 2 * (noise[y, x] * sigmas)
             for x in range(width):
                 contrast[y, x] = contrast[y, x] if contrast[y, x] > one else one
 

@@ -18,6 +18,7 @@ from retrue.studio.studio import Studio
 HOST = "127.0.0.1"
 FRESH = {"Cache-Control": "no-store"}
 BROKEN_OFF = "No response returned."  # what Starlette raises for a request that ends before its answer
+ENDED_LATE = "Could not cancel %s tasks within timeout: %s"  # NiceGUI, as it ends; it names those that still run
 
 
 def require_nicegui() -> Any:
@@ -38,9 +39,13 @@ def require_free_port(port: int) -> None:
 
 
 def worth_saying(record: logging.LogRecord) -> bool:
-    """Whether a line of the server's log is: not that a tab was closed, or we ended, while it waited for an answer."""
+    """Whether a line of the server's log is: not that a tab was closed, or we ended, while it waited for an answer.
+
+    Nor that we waited for tasks to end, where none is left.
+    """
     error = record.exc_info[1] if record.exc_info else None
-    return not (isinstance(error, RuntimeError) and str(error) == BROKEN_OFF)
+    broken_off = isinstance(error, RuntimeError) and str(error) == BROKEN_OFF
+    return not (broken_off or (record.msg == ENDED_LATE and record.getMessage().endswith(": ")))
 
 
 def serve(studio: Studio | None, token: str, port: int, fleet: Callable[[], str] | None = None) -> None:
@@ -49,7 +54,8 @@ def serve(studio: Studio | None, token: str, port: int, fleet: Callable[[], str]
     app, ui = nicegui.app, nicegui.ui
     responses = import_module("starlette.responses")
     app.add_middleware(Guard, token=token, port=port)
-    logging.getLogger("uvicorn.error").addFilter(worth_saying)
+    for server in ("uvicorn.error", "nicegui"):
+        logging.getLogger(server).addFilter(worth_saying)
     if fleet is not None:
 
         @app.get("/fleet")
