@@ -276,16 +276,20 @@ def _point_evidence(best: Posterior, rival: Posterior, eased: Posterior, asides:
 
     A sum that a few points make, as chance would have it, counts less. Of a plane that both fit, the difference counts
     that is larger than what no model explains of a real wall, nor a slow error that one of them takes for a bow. What
-    has another explanation in both tells neither.
+    has another explanation in both tells neither; nor does one of a few outliers in either cost more than it counts.
     """
     shared, floor = _shared_plane(best, rival), Floor.of([best, rival])
     explained = cache(partial(explained_costs, asides=asides))  # hardly any is eased: most are asked for twice or more
     lost, price, parts, given = _cheapest([explained(fit, floor) for fit in (rival, eased)], ~shared)
     held, own_price, own_parts, own = _cheapest([explained(fit, floor) for fit in (best, best.eased)], ~shared)
     elsewhere = (lost - held)[~(shared | given & own)]
-    told = float(elsewhere.sum()) * beyond_chance(elsewhere) + min(price - own_price, 0.0)
+    counts = beyond_chance(elsewhere)
+    told = float(elsewhere.sum()) * counts + min(price - own_price, 0.0)
     if not np.count_nonzero(given ^ own) < SAME_POINTS * np.count_nonzero(given | own):
-        told += parts - own_parts
+        worth, own_worth = (
+            counts * float((lost - held)[rows & ~shared].sum()) for rows in (given & ~own, own & ~given)
+        )
+        told += min(parts, max(-worth, 0.0)) - min(own_parts, max(own_worth, 0.0))
     if shared.any():  # lenses may follow what is slow, or be what makes it: of both, what tells less
         pairs = dict.fromkeys([(best, rival), (best.eased, eased)])  # one, where none is eased
         told += min((_of_shared(*pair, explained, shared) for pair in pairs), key=abs)
