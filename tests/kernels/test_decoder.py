@@ -65,7 +65,7 @@ def test_every_kernel_says_the_same_uncompiled(
     assert (expected.holder >= 0).sum() > 60
     called: set[str] = set()
     for module in (blobs, centres, colors, growth, holders, islands, links, nearest, places, rims, surface):
-        for name in ("kernel", "link_kernel", "bend_kernel"):
+        for name in ("kernel", "link_kernel", "bend_kernel", "profile_kernel"):
             if hasattr(module, name):
                 monkeypatch.setattr(module, name, Checked(getattr(module, name), called))
     found = inspect_color_grid(grid, picture)

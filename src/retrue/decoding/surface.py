@@ -34,6 +34,13 @@ class Joints:
         """Only the joints with a held block at both ends."""
         return Joints(self.right & held[:, :-1] & held[:, 1:], self.down & held[:-1] & held[1:])
 
+    def linked(self) -> tuple[BoolArray, BoolArray]:
+        """(rows, columns, 2) whether a surface goes on before, and after each block, along its row and its column."""
+        right, down = self.right, self.down
+        before = np.stack([np.pad(right, ((0, 0), (1, 0))), np.pad(down, ((1, 0), (0, 0)))], axis=-1)
+        after = np.stack([np.pad(right, ((0, 0), (0, 1))), np.pad(down, ((0, 1), (0, 0)))], axis=-1)
+        return before, after
+
     def inside(self) -> BoolArray:
         """(rows, columns) blocks that are linked to all four of their neighbours."""
         inside = np.zeros((len(self.right), self.down.shape[1]), dtype=bool)

@@ -1,4 +1,4 @@
-"""A picture read between its pixels: patches of blocks, and what makes them unlike a whole one."""
+"""Patches of a picture about blocks, and what makes them unlike a whole one."""
 
 from __future__ import annotations
 
@@ -6,48 +6,11 @@ import cython
 from cython.cimports.libc.math import fabs, sqrt
 
 PATCH = cython.declare(cython.Py_ssize_t, 15)  # samples along a side of a patch
-PATCH_REACH = cython.declare(cython.double, 0.56)  # pitches from the middle of a patch to its sides
 SIDE_RANGE = cython.declare(cython.double, 0.13)  # pitches within which a side is looked for
 NAN = cython.declare(cython.double, float("nan"))
 INFINITY = cython.declare(cython.double, float("inf"))
 
-Pixel = cython.fused_type(cython.uchar, cython.ushort)
 Color = cython.struct(red=cython.double, green=cython.double, blue=cython.double)
-
-
-@cython.cfunc
-@cython.nogil
-@cython.inline
-@cython.exceptval(check=False)
-def _bilinear(
-    pixels: cython.const[Pixel][::1],
-    height: cython.Py_ssize_t,
-    width: cython.Py_ssize_t,
-    levels: cython.const[cython.double][::1],
-    x: cython.double,
-    y: cython.double,
-) -> Color:
-    """The colour at (x, y) of `pixels` (height width 3,), two rows and columns or more; outside as at its border.
-
-    `levels` is the number that each value of a pixel is: quicker looked up than converted."""
-    cython.declare(column=cython.Py_ssize_t, row=cython.Py_ssize_t, i=cython.Py_ssize_t, j=cython.Py_ssize_t)
-    if 0 <= x < width - 1 and 0 <= y < height - 1:
-        column, row = cython.cast(cython.Py_ssize_t, x), cython.cast(cython.Py_ssize_t, y)
-    else:
-        x = min(x, width - 1.0) if x > 0 else 0.0  # NaN, too, stays inside
-        y = min(y, height - 1.0) if y > 0 else 0.0
-        column, row = cython.cast(cython.Py_ssize_t, x), cython.cast(cython.Py_ssize_t, y)
-        column, row = min(column, width - 2), min(row, height - 2)
-    fx, fy = x - column, y - row
-    d = fx * fy
-    a, b, c = 1 - fx - fy + d, fx - d, fy - d
-    i = 3 * (row * width + column)
-    j = i + 3 * width
-    return Color(
-        a * levels[pixels[i]] + b * levels[pixels[i + 3]] + c * levels[pixels[j]] + d * levels[pixels[j + 3]],
-        a * levels[pixels[i + 1]] + b * levels[pixels[i + 4]] + c * levels[pixels[j + 1]] + d * levels[pixels[j + 4]],
-        a * levels[pixels[i + 2]] + b * levels[pixels[i + 5]] + c * levels[pixels[j + 2]] + d * levels[pixels[j + 5]],
-    )
 
 
 @cython.cfunc
@@ -174,38 +137,29 @@ def _changes(
 
 
 def look_at_patches(
-    pixels: cython.const[Pixel][::1],
-    height: cython.Py_ssize_t,
-    width: cython.Py_ssize_t,
-    levels: cython.const[cython.double][::1],
-    position: cython.const[cython.double][:, ::1],
-    u: cython.const[cython.double][:, ::1],
-    v: cython.const[cython.double][:, ::1],
+    patches: cython.const[cython.double][:, :, :, ::1],
+    spacing: cython.double,
     duty: cython.double,
-    patch: cython.double[:, :, ::1],
     scratch: cython.double[::1],
     found: cython.double[:, ::1],
 ) -> cython.void:
-    """`found` (N, 9) <- light 3, offset 2, stretch 2, skew, uneven of the blocks at `position` with pitches u and v."""
-    cython.declare(red=cython.double, green=cython.double, blue=cython.double, a=cython.double, b=cython.double)
-    cython.declare(x=cython.double, y=cython.double, skew=cython.double)
+    """`found` (N, 9) <- light 3, offset 2, stretch 2, skew, uneven of the blocks amid `patches` (N, 15, 15, 3).
+
+    Their samples are `spacing` pitches apart.
+    """
+    cython.declare(red=cython.double, green=cython.double, blue=cython.double, skew=cython.double)
     cython.declare(n=cython.Py_ssize_t, i=cython.Py_ssize_t, axis=cython.Py_ssize_t, j=cython.Py_ssize_t)
     with cython.nogil:
-        mid, half = PATCH // 2, duty / 2
-        spacing = PATCH_REACH / mid
+        half = duty / 2
         inner = cython.cast(cython.Py_ssize_t, 0.55 * half / spacing)
         core = cython.cast(cython.Py_ssize_t, 0.75 * half / spacing)
         across = cython.cast(cython.Py_ssize_t, 0.8 * half / spacing)
-        for n in range(position.shape[0]):
+        for n in range(patches.shape[0]):
+            patch = patches[n]
             red, green, blue = INFINITY, INFINITY, INFINITY
             for i in range(PATCH):
-                b = (i - mid) * spacing
-                x, y = position[n, 0] + b * v[n, 0], position[n, 1] + b * v[n, 1]
                 for j in range(PATCH):
-                    a = (j - mid) * spacing
-                    color = _bilinear(pixels, height, width, levels, x + a * u[n, 0], y + a * u[n, 1])
-                    patch[i, j, 0], patch[i, j, 1], patch[i, j, 2] = color.red, color.green, color.blue
-                    red, green, blue = min(red, color.red), min(green, color.green), min(blue, color.blue)
+                    red, green, blue = min(red, patch[i, j, 0]), min(green, patch[i, j, 1]), min(blue, patch[i, j, 2])
             color = Color(
                 _middle_value(patch, 0, inner, scratch),
                 _middle_value(patch, 1, inner, scratch),

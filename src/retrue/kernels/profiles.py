@@ -1,4 +1,4 @@
-"""A picture read between its pixels: profiles through blocks."""
+"""A picture read between its pixels: profiles through blocks, and whole patches of them."""
 
 from __future__ import annotations
 
@@ -44,6 +44,33 @@ def _bilinear(
         a * levels[pixels[i + 1]] + b * levels[pixels[i + 4]] + c * levels[pixels[j + 1]] + d * levels[pixels[j + 4]],
         a * levels[pixels[i + 2]] + b * levels[pixels[i + 5]] + c * levels[pixels[j + 2]] + d * levels[pixels[j + 5]],
     )
+
+
+def read_patches(
+    pixels: cython.const[Pixel][::1],
+    height: cython.Py_ssize_t,
+    width: cython.Py_ssize_t,
+    levels: cython.const[cython.double][::1],
+    position: cython.const[cython.double][:, ::1],
+    u: cython.const[cython.double][:, ::1],
+    v: cython.const[cython.double][:, ::1],
+    spacing: cython.double,
+    patches: cython.double[:, :, :, ::1],
+) -> cython.void:
+    """`patches` (N, S, S, 3) <- colours about the blocks at `position`, `spacing` of their pitches u and v apart."""
+    cython.declare(x=cython.double, y=cython.double, a=cython.double, b=cython.double)
+    cython.declare(n=cython.Py_ssize_t, i=cython.Py_ssize_t, j=cython.Py_ssize_t)
+    samples: cython.Py_ssize_t = patches.shape[1]
+    with cython.nogil:
+        mid = samples // 2
+        for n in range(position.shape[0]):
+            for i in range(samples):
+                b = (i - mid) * spacing
+                x, y = position[n, 0] + b * v[n, 0], position[n, 1] + b * v[n, 1]
+                for j in range(samples):
+                    a = (j - mid) * spacing
+                    color = _bilinear(pixels, height, width, levels, x + a * u[n, 0], y + a * u[n, 1])
+                    patches[n, i, j, 0], patches[n, i, j, 1], patches[n, i, j, 2] = color.red, color.green, color.blue
 
 
 def weigh_channels(

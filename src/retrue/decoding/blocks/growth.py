@@ -12,6 +12,7 @@ from retrue.decoding.surface import Joints, lengths, median, slopes
 from retrue.geometry.arrays import BoolArray, FloatArray, Image, IntArray
 from retrue.geometry.nearest import nearest
 from retrue.kernels import patches as kernel
+from retrue.kernels import profiles as profile_kernel
 
 SIDES = ((0, 1), (1, 0), (0, -1), (-1, 0))  # (down, right), in the order right, down, left, up
 ROUNDS = 8
@@ -20,6 +21,7 @@ CUT_MISFIT = 2.0  # most of a block that its colours placed
 DOUBT = 0.017  # pitches that a block of misfit 1 is off, one standard deviation
 APART = 0.5  # pitches, least distance between two blocks
 SAMPLES = 15  # along a side of a patch
+SPACING = 0.56 / 7  # pitches between them: a patch ends beyond the gap
 FARTHEST = 0.06  # pitches from where the surface would have the block
 STRETCH = 0.25  # of its sides
 SKEW = 0.12  # pitches
@@ -69,8 +71,9 @@ def look_at(picture: Image, p: FloatArray, u: FloatArray, v: FloatArray, duty: f
 
     The other colour is that of the gap, or of whatever hides the gap: only the block's own colour is known.
     """
-    found, room = np.empty((len(p), 9)), (np.empty((SAMPLES, SAMPLES, 3)), np.empty(SAMPLES**2))
-    kernel.look_at_patches(*readable(picture), p, u, v, duty, *room, found)
+    patches, found = np.empty((len(p), SAMPLES, SAMPLES, 3)), np.empty((len(p), 9))
+    profile_kernel.read_patches(*readable(picture), p, u, v, SPACING, patches)
+    kernel.look_at_patches(patches, SPACING, duty, np.empty(SAMPLES**2), found)
     return Patches(found[:, :3], found[:, 3:5], found[:, 5:7], found[:, 7], found[:, 8])
 
 

@@ -17,7 +17,7 @@ import numpy as np
 
 from retrue.decoding.blocks.centres import CHANNEL_TRUST, SIDE_LINES, beside, off_centre, side_window
 from retrue.decoding.blocks.growth import Surfaces, readable
-from retrue.decoding.surface import Joints, bends, median, slopes
+from retrue.decoding.surface import Joints, bends, lengths, median, slopes
 from retrue.geometry.arrays import BoolArray, FloatArray, Image
 from retrue.kernels import profiles as kernel
 
@@ -40,15 +40,15 @@ def at_rims(picture: Image, surfaces: Surfaces, duty: float) -> Surfaces:
     The noise of one side is told by blocks inside, where both have one middle.
     """
     position, joints = surfaces.position, surfaces.joints
-    before, after = _linked(joints)
+    before, after = joints.linked()
     outward = before.astype(np.float64) - after
-    sides = _Sides.of(picture, position, joints, duty)
-    inside, rim = sides.known & joints.inside(), sides.known & ~(before & after).all(axis=-1)
+    sides = _Sides.of(picture, position, joints, outward, duty)
+    inside, rim = sides.known & joints.inside(), sides.known & ~joints.inside()
     if not (inside.any() and rim.any()):
         return surfaces
     told = np.zeros_like(inside)
     told.flat[np.flatnonzero(inside)[:: max(1, int(inside.sum()) // ENOUGH)]] = True
-    apart, steps = sides.apart(position, joints, told | rim)
+    apart, steps = sides.apart(position, told | rim)
     noise = max(median(np.abs(apart[told]).ravel()) / 0.6745, LEAST_NOISE)
 
     rim &= _may_be_cut(apart, outward, noise)
@@ -57,9 +57,9 @@ def at_rims(picture: Image, surfaces: Surfaces, duty: float) -> Surfaces:
         by_side: FloatArray = np.where(outward > 0, apart[..., 0], apart[..., 1])
         off: FloatArray = np.where(outward != 0, by_side, apart.mean(axis=-1))
         shift += off[..., None] * steps
-        apart, steps = sides.apart(position + shift.sum(axis=2), joints, rim)
-    pitches: FloatArray = np.where(rim[..., None], np.linalg.norm(steps, axis=-1), 1.0)
-    bend = np.linalg.norm(bends(position + shift.sum(axis=2), joints), axis=-1) / pitches
+        apart, steps = sides.apart(position + shift.sum(axis=2), rim)
+    pitches: FloatArray = np.where(rim[..., None], lengths(steps), 1.0)
+    bend = lengths(bends(position + shift.sum(axis=2), joints)) / pitches
     sigma = np.hypot(AMPLIFIED * noise, CHANGE_OF_BEND * bend)
     alone = ~(before | after)
     lack: FloatArray = (apart[..., 0] - apart[..., 1]) / 2
@@ -90,48 +90,41 @@ class _Sides:
 
     Attributes
     ----------
+    outward : (rows, columns, 2) 1 where the surface ends after a block, -1 where before it, 0 where both or neither.
     known : (rows, columns) blocks whose steps to their neighbours are known.
     weights : (rows columns, 3) what makes one number of a colour of each block.
     """
 
     picture: Image
+    joints: Joints
+    outward: FloatArray
     duty: float
     known: BoolArray
     weights: FloatArray
 
     @classmethod
-    def of(cls, picture: Image, position: FloatArray, joints: Joints, duty: float) -> _Sides:
+    def of(cls, picture: Image, position: FloatArray, joints: Joints, outward: FloatArray, duty: float) -> _Sides:
         right, down = slopes(position, joints)
         known = np.isfinite(position[..., 0] + right[..., 0] + down[..., 0])
         weights = np.zeros((known.size, 3))
         there = position.reshape(-1, 2), right.reshape(-1, 2), down.reshape(-1, 2)
         kernel.weigh_channels(*readable(picture), *there, CHANNEL_TRUST, weights)
-        return cls(picture, duty, known, weights)
+        return cls(picture, joints, outward, duty, known, weights)
 
-    def apart(self, position: FloatArray, joints: Joints, blocks: BoolArray) -> tuple[FloatArray, FloatArray]:
+    def apart(self, position: FloatArray, blocks: BoolArray) -> tuple[FloatArray, FloatArray]:
         """(rows, columns, 2, 2) pitches along the row and the column from `position` to where those blocks are by the
         side before and by that after, 0 of others; and those pitches (rows, columns, 2, 2) themselves.
 
         At a rim the step from the only neighbour is that of half a step before.
         """
-        before, after = _linked(joints)
-        outward = before.astype(np.float64) - after
-        bend = bends(position, joints)
-        steps = np.stack(slopes(position, joints), axis=2)
-        steps = np.where(blocks[..., None, None], steps + outward[..., None] * bend / 2, 0.0)
+        bend = bends(position, self.joints)
+        steps = np.stack(slopes(position, self.joints), axis=2)
+        steps = np.where(blocks[..., None, None], steps + self.outward[..., None] * bend / 2, 0.0)
         s, t = beside(SIDE_LINES, self.duty), np.append(0.0, side_window(self.duty))
         right, down = (np.ascontiguousarray(steps[:, :, axis]).reshape(-1, 2) for axis in (0, 1))
         shift, apart = off_centre(bend, self.duty, s).reshape(-1, 4), np.zeros((blocks.size, 4))
-        where = np.flatnonzero(blocks), right, down, shift, outward.reshape(-1, 2), np.empty(len(t))
+        where = np.flatnonzero(blocks), right, down, shift, self.outward.reshape(-1, 2), np.empty(len(t))
         lines = t, s, (s + s[-1]) / 2
         there = np.ascontiguousarray(position).reshape(-1, 2)
         kernel.fit_single_sides(*readable(self.picture), *lines, self.weights, *where, there, apart)
         return apart.reshape(*blocks.shape, 2, 2), steps
-
-
-def _linked(joints: Joints) -> tuple[BoolArray, BoolArray]:
-    """(rows, columns, 2) whether the surface goes on before, and after each block, along the row and the column."""
-    right, down = joints.right, joints.down
-    before = np.stack([np.pad(right, ((0, 0), (1, 0))), np.pad(down, ((1, 0), (0, 0)))], axis=-1)
-    after = np.stack([np.pad(right, ((0, 0), (0, 1))), np.pad(down, ((0, 1), (0, 0)))], axis=-1)
-    return before, after
