@@ -32,7 +32,7 @@ class Measured:
     misfit : px, what no lens model explains of a real lens, and a part of the picture shares; part of the noise.
     homography_residuals : (N, 2) that each plane's homography leaves by itself.
     aside : (N,) rows that belong to another pose and leave no residual.
-    noise_covariance : (2, 2) of a match's noise along the projector's axes, see there.
+    noise_covariance : (2, 2) of a match's noise along the projector's axes, see `uneven_noise`; of even noise the unit.
     textured : whether matches are of the scene's own texture, which may repeat in space.
     """
 

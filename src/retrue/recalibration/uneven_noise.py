@@ -48,9 +48,11 @@ def noise_about_lines(pose: TwoViewPose, points: TwoViewPoints, covariance: Floa
     >>> noise_about_lines(TwoViewPose(np.eye(3), np.array([1.0, 0, 0])), points, np.diag([4, 0.25])).T.tolist()
     [[0.25, 4.0]]
     """
+    (xx, xy), (_, yy) = covariance
+    if xy == 0 and xx == yy:
+        return np.full((2, len(points)), xx)
     E: FloatArray = skew(pose.t) @ pose.R
     lines: FloatArray = points.camera_rays @ E[:2, :2].T + E[:2, 2]
     u, v = (lines / np.maximum(np.linalg.norm(lines, axis=1, keepdims=True), 1e-300)).T
-    (xx, xy), (_, yy) = covariance
     across, along = xx * u**2 + 2 * xy * u * v + yy * v**2, xx * v**2 - 2 * xy * u * v + yy * u**2
     return np.maximum([across, along], SMALLEST_LEVEL**2)
