@@ -2,15 +2,16 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from math import erfc, exp, log, pi, sqrt
 from typing import Any
 
 import numpy as np
 
-from retrue.geometry.arrays import BoolArray, FloatArray
+from retrue.geometry.arrays import BoolArray, FloatArray, IntArray
 from retrue.geometry.nearest import nearest_of_all
 from retrue.geometry.robust import CUTOFF, count_between, silenced
-from retrue.geometry.two_view import FREE, Residuals, behind
+from retrue.geometry.two_view import FREE, Residuals, TwoViewPoints, behind
 from retrue.recalibration.fit import PoseFit
 
 CHANCE = 3.5  # standard deviations of a sum over points that are there by chance
@@ -22,15 +23,18 @@ ODDS = 2.0  # of chance over what the others explain
 CHANCE_NATS = 12.0  # what five free parameters find among points that lie anywhere
 
 
-def without_chance(fit: PoseFit, aside: BoolArray | None) -> PoseFit:
+def without_chance(fit: PoseFit, aside: BoolArray | None, lone: BoolArray | None = None) -> PoseFit:
     """Points set aside leave no residual, nor do those off all planes that agree with the pose no more than by chance.
 
     Wrong matches lie as densely within three sigma of their epipolar line as further from it. With n there and c
     expected, n log(n / c) - (n - c) is the log likelihood ratio of a part that is right; and a pose that is free to
     move finds the place where most of them agree, so that it must be larger than what that freedom makes. Blocks that
     are taken for others of a grid lie on lines of their own, one a row, and the pose finds one of these: `lined_up`.
+    A plane's own noise, `lone`, lies about where the plane has it: near the lines of one of its twins, if not of both.
     """
     free = fit.points.plane_index == FREE
+    if lone is not None:
+        aside = lone if aside is None else lone | aside
     asked = free if aside is None else free & ~aside
     near, beyond = count_between(fit.found.epipolar, asked, fit.epipolar_noise.level, (AGREES, CUTOFF, FAR))
     chance = max(beyond, 1) * AGREES / (FAR - CUTOFF)
@@ -43,6 +47,32 @@ def without_chance(fit: PoseFit, aside: BoolArray | None) -> PoseFit:
         return fit
     both, weights = silenced(fit.found.both, fit.robust_weights, silent)
     return PoseFit(fit.pose, fit.points, Residuals(both), *fit.noises, weights)
+
+
+def noise_of_planes(
+    points: TwoViewPoints, missed: Callable[[IntArray], FloatArray], neighbours: IntArray, levels: FloatArray
+) -> BoolArray:
+    """(N,) points off all planes that may be the noise of one: it has their neighbours, and they are not far from it.
+
+    A surface shows more than one of its points, and what is bent leaves its neighbours' plane little by little; noise
+    has long tails, often along one axis. `missed` (N, 2) is what the homographies of given planes (N,) leave, `levels`
+    (P,) how loud each is.
+    """
+    plane = points.plane_index
+    found = np.zeros(len(plane), dtype=np.bool_)
+    if not (len(levels) and neighbours.size):
+        return found
+    around = np.sort(plane[neighbours], axis=1)  # three of four alike: those in the middle are, and one beside them
+    own = around[:, 1]
+    alike = (own == around[:, 2]) & ((own == around[:, 0]) | (own == around[:, 3]))
+    rows = np.flatnonzero((plane == FREE) & alike & (own != FREE))
+    from_plane = missed(np.where(plane == FREE, own, plane))
+    beside = neighbours[rows]
+    there = (plane[beside] == own[rows, None])[..., None]
+    around_it = np.where(there, from_plane[beside], 0.0).sum(axis=1) / there.sum(axis=1)
+    distance, alone = np.hypot(*from_plane[rows].T), np.hypot(*(from_plane[rows] - around_it).T)
+    found[rows] = (distance < FAR * levels[own[rows]]) & (alone > CUTOFF * levels[own[rows]])
+    return found
 
 
 def lined_up(relative: FloatArray) -> float:

@@ -34,6 +34,7 @@ class Measured:
     aside : (N,) rows that belong to another pose and leave no residual.
     noise_covariance : (2, 2) of a match's noise along the projector's axes, see `uneven_noise`; of even noise the unit.
     textured : whether matches are of the scene's own texture, which may repeat in space.
+    lone : (N,) points off all planes that may be the noise of one, see `noise_of_planes`; None where nobody asks.
     """
 
     rig: Rig
@@ -48,6 +49,7 @@ class Measured:
     aside: BoolArray | None = None
     noise_covariance: FloatArray = field(default_factory=lambda: np.eye(2))
     textured: bool = False
+    lone: BoolArray | None = None
 
     def __len__(self) -> int:
         return len(self.camera_px)
@@ -91,6 +93,7 @@ class Measured:
             if len(self.homography_residuals)
             else self.homography_residuals,
             aside=None if self.aside is None else self.aside[rows],
+            lone=None if self.lone is None else self.lone[rows],
         )
 
     def without_planes(self, gone: BoolArray) -> Measured:

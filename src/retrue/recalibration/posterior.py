@@ -375,7 +375,7 @@ def posterior_at(measured: Measured, parameters: Parameters, prior: Prior) -> Po
     points = measured.seen(parameters.lens)
     bows = measured.bends, np.ascontiguousarray(parameters.bows)
     fit = evaluate(parameters.pose, Support(points, measured.support.blocks), bows, measured.aside)
-    fit = without_chance(fit, measured.aside)
+    fit = without_chance(fit, measured.aside, measured.lone)
     fit = with_misfit(fit, measured) if measured.misfit > 0 else fit
     return Posterior(parameters, prior, points, fit, measured)
 
