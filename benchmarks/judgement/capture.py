@@ -41,6 +41,11 @@ def uneven_noise(rng: Generator) -> Noise:
     return replace(random_noise(rng), uneven=float(np.exp(rng.uniform(0, np.log(5)))), angle=rng.uniform(0, np.pi))
 
 
+def heavy_tails(rng: Generator) -> Noise:
+    """Of any level, some points ten or more times as far off as the usual one."""
+    return replace(random_noise(rng), tails=True)
+
+
 def random_noise(rng: Generator) -> Noise:
     """0.05 to 0.5 px; a quarter with heavier tails, a quarter with an error that neighbours share."""
     sigma = float(np.exp(rng.uniform(np.log(0.05), np.log(0.5))))

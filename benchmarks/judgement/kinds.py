@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from . import faults
-from .capture import Capture, capture, uneven_noise
+from .capture import Capture, Noise, capture, heavy_tails, uneven_noise
 from .lens import PRIORS, Generator, Lens, Prior
 from .light import hostile_paint, plain_paint, shine
 from .rig import Rig, moved, random_rig, turn
@@ -56,7 +56,7 @@ class Kind:
         seen under more than 60 degrees (median).
     old : how far the old pose is off, at most, in degrees; `drift` exactly so, of a rig to be verified.
     captures : how many, of one pose; `poses` 2: of two poses.
-    uneven : whether noise is louder along one axis.
+    noise : draws that of the matches; None: as of decoders, see `random_noise`.
     """
 
     scenes: Sequence[str]
@@ -68,7 +68,7 @@ class Kind:
     poses: int = 1
     mixed: bool = False
     along: bool = False
-    uneven: bool = False
+    noise: Callable[[Generator], Noise] | None = None
     spoil: Spoil | None = None
     mislead: Mislead | None = None
     paint: str = "any"
@@ -98,7 +98,7 @@ def _attempt(rng: Generator, kind: Kind, prior: Prior) -> Case | None:
     for one in rigs:
         if taken and not kind.mixed and rng.random() < 0.5:
             scene = _scene(rng, kind, name, one, distance)
-        span, noise = rng.uniform(*kind.span), uneven_noise(rng) if kind.uneven else None
+        span, noise = rng.uniform(*kind.span), kind.noise(rng) if kind.noise else None
         seen = capture(rng, one, scene, span, noise=noise)
         if seen is None or len(seen) < kind.fewest or seen.span() < kind.least:
             return None
@@ -216,10 +216,12 @@ MATCHES = {
     "wrong 20 %, clustered": Kind(WITH_PLANE, spoil=_wrong(0.2, clustered=True)),
     "wrong 0-50 %, no plane": Kind(NO_PLANE, spoil=_any_wrong),
 }
-UNEVEN = {
-    "uneven noise, wall": Kind(("wall",), uneven=True),
-    "uneven noise, rich": Kind(RICH, uneven=True),
-    "uneven noise, no plane": Kind(NO_PLANE, uneven=True),
+NOISE = {
+    "uneven noise, wall": Kind(("wall",), noise=uneven_noise),
+    "uneven noise, rich": Kind(RICH, noise=uneven_noise),
+    "uneven noise, no plane": Kind(NO_PLANE, noise=uneven_noise),
+    "heavy tails, wall": Kind(("wall",), noise=heavy_tails),
+    "heavy tails, rich": Kind(RICH, noise=heavy_tails),
 }
 POSES = {
     "three captures": Kind(WITH_PLANE, captures=3),
@@ -247,7 +249,7 @@ RECONSTRUCT = {
 }
 
 GROUPS: dict[str, dict[str, Kind]] = {
-    "no-lens-faults": {**_scenes_alone(), **MATCHES, **UNEVEN, **COPIES, **POSES},
+    "no-lens-faults": {**_scenes_alone(), **MATCHES, **NOISE, **COPIES, **POSES},
     "lens": _lens_kinds(),
     "bare-walls": _walls(),
     "no-plane": {name: Kind((name,)) for name in NO_PLANE},

@@ -28,7 +28,6 @@ from retrue.recalibration.posterior import Parameters, Posterior, Prior, fit_pos
 from retrue.recalibration.rays import Rays
 from retrue.recalibration.reasons import PointsNotSpread, TooFewPoints, Undecidable
 from retrue.recalibration.result import sigma_at, working_distance
-from retrue.recalibration.uneven_noise import noise_about_lines
 from retrue.rig import Rig
 
 PLANARITY_PX = 0.25  # how far a real board or wall is off a plane, at least, in projector pixels
@@ -353,19 +352,13 @@ def quieter(alone: Posterior, posterior: Posterior) -> bool:
     """
     noise, explained = alone.fit.epipolar_noise, alone.fit.explained
     worth = float((noise.level**2 / noise.variance[explained]).sum())
-    gained = 2 * worth * float(np.log(_even_level(posterior) / _even_level(alone)))
+    gained = 2 * worth * float(np.log(posterior.fit.even_levels[0] / alone.fit.even_levels[0]))
     return gained + posterior.prior_cost - alone.prior_cost > MISLED
 
 
 def much_quieter(alone: Posterior, posterior: Posterior) -> bool:
     """Whether the other's noise is so loud that no real lens or wall makes it."""
-    return _even_level(alone) * MUCH_LOUDER < _even_level(posterior)
-
-
-def _even_level(posterior: Posterior) -> float:
-    """Noise across the epipolar lines, in what it is about these lines if all of it is noise."""
-    expected = noise_about_lines(posterior.pose, posterior.points, posterior.measured.noise_covariance)[0]
-    return posterior.fit.epipolar_noise.level / float(np.sqrt(expected.mean()))
+    return alone.fit.even_levels[0] * MUCH_LOUDER < posterior.fit.even_levels[0]
 
 
 def twins_of(pose: TwoViewPose, points: TwoViewPoints) -> list[TwoViewPose]:

@@ -37,6 +37,7 @@ from retrue.geometry.two_view import (
     tangent_basis,
 )
 from retrue.recalibration.rays import Rays
+from retrue.recalibration.uneven_noise import LineNoise, line_noise
 from retrue.rig import Rig
 
 BLOCKS = 6  # per side: a slow error is common to 1/36 of the picture, or of a plane
@@ -87,6 +88,7 @@ class PoseFit:
     found : residuals at the pose.
     epipolar_noise, along_noise : levels of both families.
     robust_weights : (2, N) of both, 0 .. 1.
+    uneven : how much louder each is than usual, where noise is louder along one axis of the projector; else None.
     """
 
     pose: TwoViewPose
@@ -95,6 +97,7 @@ class PoseFit:
     epipolar_noise: Noise
     along_noise: Noise
     robust_weights: FloatArray
+    uneven: LineNoise | None = None
 
     @cached_property
     def covariance(self) -> FloatArray:
@@ -105,6 +108,13 @@ class PoseFit:
     def noises(self) -> tuple[Noise, Noise]:
         """Of both families."""
         return self.epipolar_noise, self.along_noise
+
+    @property
+    def even_levels(self) -> tuple[float, float]:
+        """Of both, in what they are about these lines where noise is louder along one axis than across it."""
+        across, along = self.levels_alike
+        usual = (1.0, 1.0) if self.uneven is None else np.sqrt(self.uneven.usual / self.uneven.even).tolist()
+        return across / usual[0], along / usual[1]
 
     @property
     def explained(self) -> BoolArray:
@@ -118,6 +128,23 @@ class PoseFit:
         for family, noise, own in zip(self.robust_weights, self.noises, weights, strict=True):
             np.divide(family, noise.variance, out=own)
         return weights
+
+    @cached_property
+    def alike(self) -> FloatArray:
+        """(2, N) both residuals, those that are louder than usual scaled to the others."""
+        return self.found.both if self.uneven is None else self.found.both / self.uneven.relative
+
+    @cached_property
+    def levels_alike(self) -> tuple[float, float]:
+        """Of both, so scaled: the level of a mixture is none of its usual residual."""
+        levels = self.epipolar_noise.level, self.along_noise.level
+        if self.uneven is None:
+            return levels
+        across, along = (
+            level * biweight_level(alike) / biweight_level(values)
+            for level, alike, values in zip(levels, self.alike, self.found.both, strict=True)
+        )
+        return across, along
 
     def improved(self) -> TwoViewPose:
         """One Gauss-Newton step further."""
@@ -162,8 +189,17 @@ def gather(start: TwoViewPose, points: TwoViewPoints, known: Sequence[TwoViewPos
     return pose
 
 
-def evaluate(pose: TwoViewPose, support: Support, bows: PlaneBows = NO_BOWS, aside: BoolArray | None = None) -> PoseFit:
-    """Residuals, noise and weights at a pose; rows (N,) set aside leave no residual."""
+def evaluate(
+    pose: TwoViewPose,
+    support: Support,
+    bows: PlaneBows = NO_BOWS,
+    aside: BoolArray | None = None,
+    covariance: FloatArray | None = None,
+) -> PoseFit:
+    """Residuals, noise and weights at a pose; rows (N,) set aside leave no residual.
+
+    `covariance` (2, 2) is that of a match's noise along the projector's axes, up to a factor; None where it is alike.
+    """
     found = residuals(pose, support.points, bows)
     if aside is not None:
         found.both[:, aside] = np.nan
@@ -172,9 +208,10 @@ def evaluate(pose: TwoViewPose, support: Support, bows: PlaneBows = NO_BOWS, asi
     freedom = count - POSE_PARAMETERS - 3 * len(pose.planes)
     if freedom < 1:
         raise DegenerateError("pose: fewer measurements than unknowns; more correspondences are needed")
+    uneven = None if covariance is None else line_noise(pose, support.points, covariance)
     levels = _levels(found, on_plane, count / freedom)
     (across, along), robust_weights = noises_and_weights(found.both, levels, support.blocks, BLOCKS)
-    return PoseFit(pose, support.points, found, across, along, robust_weights)
+    return PoseFit(pose, support.points, found, across, along, robust_weights, uneven)
 
 
 def chi_square(fit: PoseFit, reference: PoseFit) -> FloatArray:

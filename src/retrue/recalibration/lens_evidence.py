@@ -20,7 +20,6 @@ from retrue.recalibration.measured import MISFIT_PX
 from retrue.recalibration.parts import LOUD, Part, shifted_copy, unexplained
 from retrue.recalibration.posterior import Measured, Parameters, Posterior, Prior, fit_posterior, posterior_at
 from retrue.recalibration.rivals import SELDOM, UNEXPLAINED, least, move_deg, move_nats, plane_levels, price_of
-from retrue.recalibration.uneven_noise import noise_about_lines
 
 KNOWN_FOCAL = 0.01
 CHANGED_GAIN = 30.0  # of chi-square; eight parameters that nobody touched gain as much once in 5000 times
@@ -147,8 +146,8 @@ def hidden_by_planes(best: Posterior, part: Part | None, tight: LensPrior, wide:
 
     What passes for planes and is none asks for a pose that no lens gives it; it outvotes what asks for another lens.
     """
-    across, along = best.fit.noises
-    if not (len(best.pose.planes) and (along.level > ROUGHER * across.level or _shares_an_error(best))):
+    across, along = best.fit.even_levels
+    if not (len(best.pose.planes) and (along > ROUGHER * across or _shares_an_error(best))):
         return False
     gone = np.ones(len(best.pose.planes), dtype=np.bool_)
     measured = best.measured.without_planes(gone)
@@ -239,12 +238,10 @@ def _joint_costs(posterior: Posterior, reference: Posterior) -> FloatArray:
     across, along = reference.fit.epipolar_noise, reference.fit.along_noise
     level = float(np.hypot(across.level, along.level) / np.sqrt(2))
     found = np.hypot(posterior.fit.found.epipolar, np.nan_to_num(posterior.fit.found.along))
-    if posterior is not reference:
-        alone = np.isnan(posterior.fit.found.along)
-        before, after = (
-            noise_about_lines(fit.pose, fit.points, fit.measured.noise_covariance)[0] for fit in (reference, posterior)
-        )
-        found = found * np.where(alone, np.sqrt(before / after), 1.0)
+    before, after = reference.fit.uneven, posterior.fit.uneven
+    if posterior is not reference and before is not None and after is not None:
+        louder = np.sqrt(before.usual[0] / after.usual[0]) * before.relative[0] / after.relative[0]
+        found = found * np.where(np.isnan(posterior.fit.found.along), louder, 1.0)
     found = biweight_loss(found / level)
     hidden = behind(posterior.pose, posterior.points, posterior.fit.epipolar_noise.level)
     found = np.where(hidden, np.maximum(found, UNEXPLAINED), found)

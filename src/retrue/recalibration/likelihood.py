@@ -10,7 +10,6 @@ from retrue.geometry.arrays import FloatArray
 from retrue.geometry.robust import Noise, biweight_loss
 from retrue.recalibration.fit import PoseFit
 from retrue.recalibration.measured import MISFIT_PX, Measured
-from retrue.recalibration.uneven_noise import noise_about_lines
 
 
 def negative_log_likelihood(fit: PoseFit, measured: Measured) -> FloatArray:
@@ -21,31 +20,33 @@ def negative_log_likelihood(fit: PoseFit, measured: Measured) -> FloatArray:
     such a covariance, shared out. s is not below what real lenses leave over. NaN where there is no residual, 0 of
     points on no plane along the line.
     """
-    blocks, found = measured.support.blocks, _expected(fit, measured)
-    families = zip(fit.found.both, fit.robust_weights, fit.noises, blocks, found, strict=True)
-    for values, weights, noise, block, loss in families:
+    blocks, found = measured.support.blocks, np.empty(fit.robust_weights.shape)
+    residuals = zip(fit.alike, fit.levels_alike, fit.robust_weights, fit.noises, strict=True)
+    families = zip(residuals, blocks, _expected(fit), found, strict=True)
+    for (values, level, weights, noise), block, expected, loss in families:
         weighted = np.where(weights > 0, weights * values, 0.0)
         numbers, sums = np.bincount(block + 1, weights), np.bincount(block + 1, weighted)
         means = sums / np.maximum(numbers, 1e-300)
         square = np.where(weights > 0, weighted * values, 0.0).sum()
         within = 1 - float(sums @ means) / max(float(square), 1e-300)
-        own = noise.level**2 * max(within, 0.0) + MISFIT_PX**2
+        own = level**2 * max(within, 0.0) + MISFIT_PX**2
         together = numbers * (noise.shared**2 * noise.alikeness)
         of_block = means**2 / (own + together) + np.log1p(together / own) / np.maximum(numbers, 1.0) + np.log(own)
-        loss[:] = biweight_loss((values - means[block + 1]) / np.sqrt(own)) + of_block[block + 1] - loss
+        loss[:] = biweight_loss((values - means[block + 1]) / np.sqrt(own)) + of_block[block + 1] - expected
         loss[block < 0] = 0.0
     return found
 
 
-def _expected(fit: PoseFit, measured: Measured) -> FloatArray:
-    """(2, N) what residuals cost that are all noise, less what they do where noise is alike along all axes.
+def _expected(fit: PoseFit) -> FloatArray:
+    """(2,) what residuals cost that are all noise, less what they do where noise is alike along all axes.
 
-    Of variance v about its line a residual costs v / (v + m^2) + log(v + m^2), m being the misfit of real lenses. By
-    how much that differs from line to line, because noise is louder along one axis, is no evidence for either.
+    Of usual variance v about its lines a family costs v / (v + m^2) + log(v + m^2), m being the misfit of real lenses.
+    By how much that differs from pose to pose, because noise is louder along one axis, is no evidence for either.
     """
-    variances = noise_about_lines(fit.pose, fit.points, measured.noise_covariance)
-    even, least = np.sqrt(np.linalg.det(measured.noise_covariance)), MISFIT_PX**2
-    return np.log((variances + least) / (even + least)) + variances / (variances + least) - even / (even + least)
+    if fit.uneven is None:
+        return np.zeros(2)
+    usual, even, least = fit.uneven.usual, fit.uneven.even, MISFIT_PX**2
+    return np.log((usual + least) / (even + least)) + usual / (usual + least) - even / (even + least)
 
 
 def with_misfit(fit: PoseFit, measured: Measured) -> PoseFit:

@@ -32,7 +32,7 @@ class Measured:
     misfit : px, what no lens model explains of a real lens, and a part of the picture shares; part of the noise.
     homography_residuals : (N, 2) that each plane's homography leaves by itself.
     aside : (N,) rows that belong to another pose and leave no residual.
-    noise_covariance : (2, 2) of a match's noise along the projector's axes, see `uneven_noise`; of even noise the unit.
+    noise_covariance : (2, 2) of a match's noise along the projector's axes, see `uneven_noise`; None where it is alike.
     textured : whether matches are of the scene's own texture, which may repeat in space.
     lone : (N,) points off all planes that may be the noise of one, see `noise_of_planes`; None where nobody asks.
     """
@@ -47,7 +47,7 @@ class Measured:
     misfit: float = 0.0
     homography_residuals: FloatArray = field(default_factory=lambda: np.empty((0, 2)))
     aside: BoolArray | None = None
-    noise_covariance: FloatArray = field(default_factory=lambda: np.eye(2))
+    noise_covariance: FloatArray | None = None
     textured: bool = False
     lone: BoolArray | None = None
 

@@ -374,7 +374,8 @@ def posterior_at(measured: Measured, parameters: Parameters, prior: Prior) -> Po
     """Residuals, noise and weights at one place of the parameters; normal equations when they are asked for."""
     points = measured.seen(parameters.lens)
     bows = measured.bends, np.ascontiguousarray(parameters.bows)
-    fit = evaluate(parameters.pose, Support(points, measured.support.blocks), bows, measured.aside)
+    support = Support(points, measured.support.blocks)
+    fit = evaluate(parameters.pose, support, bows, measured.aside, measured.noise_covariance)
     fit = without_chance(fit, measured.aside, measured.lone)
     fit = with_misfit(fit, measured) if measured.misfit > 0 else fit
     return Posterior(parameters, prior, points, fit, measured)
