@@ -381,10 +381,14 @@ def twins_of(pose: TwoViewPose, points: TwoViewPoints) -> list[TwoViewPose]:
     return found
 
 
-def match_noise(points: TwoViewPoints, rng: np.random.Generator) -> float:
-    """Noise of a match in the unit of the rays: what neighbours say, at least what the points say of themselves."""
+def match_noise(points: TwoViewPoints, rng: np.random.Generator) -> tuple[float, float]:
+    """Noise of a match in the unit of the rays that starts allow for, and what neighbours say of it.
+
+    It is not below a share of what the points say of themselves.
+    """
     nominal = quantile(np.hypot(points.camera_sigma, points.projector_sigma), 0.5)
-    return max(2 * local_noise(points.camera_rays, points.projector_rays, rng), 0.3 * nominal)
+    local = local_noise(points.camera_rays, points.projector_rays, rng)
+    return max(2 * local, 0.3 * nominal), local
 
 
 def _seen(R: FloatArray, t: FloatArray, homographies: list[FloatArray]) -> TwoViewPose:

@@ -13,6 +13,7 @@ from retrue.geometry.two_view import epipolar_residuals
 from retrue.recalibration.candidates import MOST, of_five_points
 from retrue.recalibration.hypotheses import Hypothesis, hypothesis
 from retrue.recalibration.lens import LensPrior
+from retrue.recalibration.measured import MISFIT_PX
 from retrue.recalibration.parts import ELSEWHERE, FEWEST_OF_A_PART, LOUD, Part, set_aside
 from retrue.recalibration.posterior import Measured, Parameters, Posterior, Prior, posterior_at
 
@@ -25,6 +26,7 @@ def quieter_majorities(
     measured: Measured,
     posteriors: Sequence[Posterior],
     noise: float,
+    local: float,
     prior: Prior,
     tight: LensPrior,
     homographies: list[FloatArray],
@@ -34,15 +36,19 @@ def quieter_majorities(
 
     A part that misses its epipolar lines by few sigma, as a copy does that was shifted along them, is no outlier to a
     level that is estimated with it, and a fit that begins at the right pose leaves it. Concentration steps do not, at
-    the level of the nearest quarter of the points, or of neighbours about each other (`noise`, in the unit of the rays)
-    where that is less (Rousseeuw, Van Driessen 1999). They are asked where the points are louder, or share much of it.
+    the level of the nearest quarter of the points, or of neighbours about each other (`local`, in the unit of the rays)
+    where that is less (Rousseeuw, Van Driessen 1999), but not of what lenses leave over. They are asked where the
+    points are louder, or share much of it.
     """
     points = measured.support.points
-    own = noise / quantile(np.hypot(points.camera_sigma, points.projector_sigma), 0.5)
+    own = max(local / quantile(np.hypot(points.camera_sigma, points.projector_sigma), 0.5), MISFIT_PX)
     quietest = min((fit.fit.epipolar_noise for fit in posteriors), key=lambda one: one.level)
     if not (quietest.level > LOUD * own or quietest.shared > UNEVEN * quietest.level):
         return []
-    starts = of_five_points(points, np.arange(len(points)), homographies, noise, rng)
+    everywhere = np.arange(len(points))
+    starts = [
+        start for level in (noise, local) for start in of_five_points(points, everywhere, homographies, level, rng)
+    ]
     found = [_concentrated(measured, Parameters.of(start), own, prior, tight, homographies) for start in starts]
     quiet = quietest.level / LOUD  # fewer points are a little quieter anyway
     return [one for one in found if one is not None and one.better().fit.epipolar_noise.level < quiet]

@@ -155,7 +155,7 @@ def judge(rig: Rig, captures: Sequence[Correspondences], options: RecalibrateOpt
     rays = rays_of_captures(rig, captures, options.max_points, rng)
     check_spread(rays, options)
     few = rays.thinned(COMPARED_POINTS, rng)
-    noise, neighbours = match_noise(few.points, rng), nearest_points(few)
+    (noise, local), neighbours = match_noise(few.points, rng), nearest_points(few)
     turned = np.zeros(len(rays), dtype=np.bool_)
     if np.count_nonzero(turned_over(few.points, neighbours, noise)) > max(FEWEST_OF_A_PART, LEAST_TURNED * len(few)):
         turned = turned_over(rays.points, nearest_points(rays), noise)
@@ -175,7 +175,7 @@ def judge(rig: Rig, captures: Sequence[Correspondences], options: RecalibrateOpt
         measured = replace(measured, noise_covariance=uneven, lone=_lone(measured, homographies))
         hypotheses = [hypothesis(measured, start, prior, tight, homographies) for start in starts]
         posteriors = [one.better() for one in hypotheses]
-        majorities = quieter_majorities(measured, posteriors, noise / 2, prior, tight, homographies, rng)
+        majorities = quieter_majorities(measured, posteriors, noise, local, prior, tight, homographies, rng)
         posteriors += [one.better() for one in majorities]
         hypotheses += majorities
         best, rivals = ranked(posteriors, measured, few, light, old, (), rng)

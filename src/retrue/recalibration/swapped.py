@@ -57,7 +57,7 @@ def move_if_exchanged(
     try:
         rays = rays_of_captures(rig, captures, ASKED_POINTS, rng)
         rays, homographies = with_planes(rays, rig, options, rng)
-        starts = starting_poses(rays.points, homographies, old, match_noise(rays.points, rng), rng)
+        starts = starting_poses(rays.points, homographies, old, match_noise(rays.points, rng)[0], rng)
         fits = refined_poses(starts, Support.of(rays), rng)
     except DegenerateError:
         return None
