@@ -307,29 +307,36 @@ def better_without_planes(posterior: Posterior, noise: float, rng: np.random.Gen
     A ball, a pipe or a hill passes for a few bowed planes, from a pose far off. It is the test of `misleading_plane`
     for all planes together: what a real lens leaves over, which a pose without planes is free to follow, is noise. A
     curled sheet passes for a plane from a pose that fits the sheet alone, while more points have one without it.
+
+    What is curved leaves an error that neighbours share. Of planes that leave none, noise by itself makes the pose of
+    one or of its twin quieter across the lines, and louder along them, where without planes nothing is asked of it.
     """
     if not len(posterior.pose.planes):
         return []
+    shares = any(noise.shared > 0 for noise in posterior.fit.noises)
     posterior = posterior.eased
     pose, points = posterior.pose, posterior.points
     none = np.ones(len(pose.planes), dtype=np.bool_)
     measured = replace(posterior.measured.without_planes(none), misfit=MISFIT_PX)
     starts = [replace(pose, planes=np.empty((0, 3)))]
     starts += of_five_points(measured.support.points, np.arange(len(points)), [], noise, rng)
+
+    def better(alone: Posterior) -> bool:
+        quiet = quieter if shares else much_quieter
+        return quiet(alone, posterior) or _explains_more(alone, posterior)
+
     found: list[Posterior] = []
     for start in starts:
         try:
             near = refine(start, measured.support, iterations=4)
             alone = posterior_at(measured, Parameters.of(near.pose), Prior(posterior.prior.lens))
-            if not (quieter(alone, posterior) or _explains_more(alone, posterior)):
+            if not better(alone):
                 continue
             alone = improved(alone, 10)
             deviations = squared_sigmas(pose, alone.pose, alone.covariance)
         except DegenerateError:
             continue
-        if (deviations > MISLED or much_quieter(alone, posterior)) and (
-            quieter(alone, posterior) or _explains_more(alone, posterior)
-        ):
+        if (deviations > MISLED or much_quieter(alone, posterior)) and better(alone):
             found.append(alone)
     return found
 
