@@ -42,6 +42,17 @@ def shot_of(frames, mapping=oblique, albedo=0.8, noise=1.0, gamma=1.0, seed=1):
     return Shot(pattern, pictures, mapping)
 
 
+def seen_through(blur_px, albedo, frames, noise=1.0, seed=1):
+    """As `shot_of`, of paint (h, w), by a camera that blurs."""
+    rng = np.random.default_rng(seed)
+    sharp = shot_of(frames, albedo=1.0, noise=0.0)
+    pictures = []
+    for picture in sharp.pictures:
+        light = cv2.GaussianBlur(picture * albedo, (0, 0), blur_px)
+        pictures.append(np.clip(np.rint(light + rng.normal(0, noise, light.shape)), 0, 255).astype(np.uint8))
+    return Shot(sharp.pattern, pictures, sharp.mapping)
+
+
 def both(frames_of):
     return [*frames_of("column", SIZE[0]), *frames_of("row", SIZE[1])]
 
@@ -333,3 +344,24 @@ def test_all_patterns_may_come_before_all_inverses():
     points = decode(pattern, [*pairs[::2], *pairs[1::2], white, black])
     assert points.card.advice[0] == "read all the same: all inverses come last"
     assert np.sqrt(np.mean(errors(shot, points) ** 2)) < 0.03
+
+
+@pytest.mark.parametrize(("blur_px", "within"), [(0.5, 0.04), (0.65, 0.04), (0.8, 0.06)])
+def test_prints_within_the_cameras_blur_hardly_move_points(blur_px, within):
+    y, x = np.mgrid[: CAMERA[1], : CAMERA[0]]
+    paint = np.where((x // 9 + y // 13) % 2, 0.9, 0.4)
+    shot = seen_through(blur_px, paint, both(CODES["cue"]))
+    points = decode(shot.pattern, shot.pictures)
+    z = errors(shot, points) / points.projector_sigma_px[:, None]
+    assert [np.mean(np.abs(z) < k) for k in (1, 2, 3)] == pytest.approx([0.683, 0.954, 0.997], abs=within)
+    at_print = np.isin(points.cells[:, 1] % 9, (0, 8))
+    plain = decode(shot.pattern, seen_through(blur_px, 0.65, both(CODES["cue"])).pictures)
+    rms = [np.sqrt(np.mean(errors(shot, own) ** 2)) for own in (points.select(at_print), plain)]
+    assert rms[0] < 1.7 * rms[1]  # two to three times where nothing is taken out
+
+
+def test_where_nothing_is_printed_light_moves_no_point():
+    shot = seen_through(0.6, 0.7, both(CODES["cue"]))
+    points = decode(shot.pattern, shot.pictures)
+    z = errors(shot, points) / points.projector_sigma_px[:, None]
+    assert [np.mean(np.abs(z) < k) for k in (1, 2, 3)] == pytest.approx([0.683, 0.954, 0.997], abs=0.02)

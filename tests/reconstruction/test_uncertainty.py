@@ -1,11 +1,14 @@
 """How sure points are: against noise that is drawn, and rigs that are moved."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from scipy.spatial import cKDTree
 
 from retrue.correspondences import Correspondences
 from retrue.errors import InputError
+from retrue.reconstruction.options import ReconstructOptions
 from retrue.reconstruction.reconstruct import reconstruct
 from retrue.reconstruction.sensitivity import RIG_NUMBERS, moved_rig
 from retrue.reconstruction.uncertainty import rig_covariance, unstated
@@ -13,6 +16,8 @@ from retrue.rig import Rig
 from tests.reconstruction.scenes import RIG, scene
 
 STEP = np.array([1e-5] * 5 + [1e-4] + [1e-5, 1e-2, 1e-2, 1e-4] * 2)
+
+KEEP = ReconstructOptions(outlier_sigmas=1e6, keep_strays=True)
 
 
 def seen(points, rng=None, camera=0.0, projector=0.0, **columns):
@@ -81,6 +86,21 @@ def test_a_decoder_that_states_half_of_its_noise_is_corrected():
         own = true[rows] == size
         inside = [np.mean(off[own] < k * cloud.sigma[own]) for k in (1, 2, 3)]
         np.testing.assert_allclose(inside, [0.683, 0.954, 0.997], atol=0.04)
+
+
+def test_doubt_of_single_points_is_not_made_less_of_where_noise_is_overstated():
+    X, _, cells, _ = scene(3)
+    rng = np.random.default_rng(5)
+    doubted = rng.random(len(X)) < 0.05
+    exact = seen(X, cells=cells, projector_sigma_px=np.where(doubted, 0.5, 0.1))
+    off = rng.normal(0, 0.05, exact.projector_px.shape)
+    off[doubted, 0] += rng.normal(0, 0.5, doubted.sum())  # along the lines, where no residual shows it
+    cloud = reconstruct(RIG, replace(exact, projector_px=exact.projector_px + off), KEEP)
+    assert len(cloud) == len(X)
+    z = along(cloud.points, X) / cloud.sigma
+    for which, margin in ((doubted, 0.06), (~doubted, 0.02)):
+        found = [np.mean(np.abs(z[which]) < k) for k in (1, 2, 3)]
+        assert found == pytest.approx([0.683, 0.954, 0.997], abs=margin)
 
 
 def test_of_two_coordinates_that_a_decoder_tells_apart_each_errs_by_its_own_sigma():

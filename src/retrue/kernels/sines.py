@@ -8,6 +8,7 @@ from cython.cimports.libc.math import fabs, sqrt
 INFINITY = cython.declare(cython.float, float("inf"))
 TURN = cython.declare(cython.float, 6.283185307179586)
 TINY = cython.declare(cython.float, 1e-30)
+QUARTER = cython.declare(cython.float, 0.25)
 WHOLE = cython.declare(cython.float, 12582912.0)  # 3 * 2^22: what is added to it and taken away is a whole number
 BLOCK = cython.declare(cython.Py_ssize_t, 512)  # pixels whose sums stay in the processor's first cache
 
@@ -198,3 +199,57 @@ def spread(
             images[0, p], images[1, p], images[2, p] = known[0, k], known[1, k], modulation[k]
             for m in range(flags.shape[0]):
                 masks[m, p] = flags[m, k]
+
+
+def against_blur(
+    px: cython.const[cython.float][:, ::1],
+    variance: cython.const[cython.float][:, ::1],
+    modulation: cython.const[cython.float][:, ::1],
+    whole: cython.const[cython.uchar][:, ::1],
+    first: cython.Py_ssize_t,
+    pixels: cython.const[cython.Py_ssize_t][::1],
+    period: cython.float,
+    blur: cython.float,
+    doubt: cython.float,
+    found: cython.double[::1],
+    left: cython.float[::1],
+) -> None:
+    """`found` <- coordinate of `pixels`, less what blur makes of light that changes; `left` += its variance.
+
+    `pixels` are flat indices from row `first` on, ascending.
+    `blur` is the variance of the camera's, px^2, and `doubt` the standard deviation of that. Slopes are those between
+    neighbours on the same surface, `whole`; the relative noise of modulation is that of the phase in radians, and what
+    it makes of a slope of light shrinks that (Wiener's filter).
+    """
+    cython.declare(k=cython.Py_ssize_t, y=cython.Py_ssize_t, x=cython.Py_ssize_t, start=cython.Py_ssize_t)
+    cython.declare(a=cython.Py_ssize_t, b=cython.Py_ssize_t, slope=cython.float, relative=cython.float)
+    cython.declare(moved=cython.float, noise=cython.float, square=cython.float, share=cython.float)
+    height: cython.Py_ssize_t = px.shape[0]
+    width: cython.Py_ssize_t = px.shape[1]
+    with cython.nogil:
+        relative = 2 * (TURN / period) * (TURN / period)
+        y, start = first, 0
+        for k in range(pixels.shape[0]):
+            while pixels[k] >= start + width:
+                y += 1
+                start += width
+            x = pixels[k] - start
+            moved = noise = 0
+            a = x - 1 if x > 0 and whole[y, x - 1] != 0 else x
+            b = x + 1 if x + 1 < width and whole[y, x + 1] != 0 else x
+            if b > a:
+                slope = (px[y, b] - px[y, a]) * (QUARTER if b - a == 2 else 1)
+                moved += slope * (modulation[y, b] - modulation[y, a])
+                noise += slope * slope
+            a = y - 1 if y > 0 and whole[y - 1, x] != 0 else y
+            b = y + 1 if y + 1 < height and whole[y + 1, x] != 0 else y
+            if b > a:
+                slope = (px[b, x] - px[a, x]) * (QUARTER if b - a == 2 else 1)
+                moved += slope * (modulation[b, x] - modulation[a, x])
+                noise += slope * slope
+            moved /= modulation[y, x]
+            noise *= relative * variance[y, x]
+            square = moved * moved
+            share = square / (square + noise + TINY)
+            found[k] = px[y, x] - blur * share * moved
+            left[k] += variance[y, x] + share * (doubt * doubt * square + blur * blur * noise)

@@ -76,6 +76,7 @@ def point_noise(
         found = _scatter_in_depth(X, along * level, grid)
         if found is not None:
             stated, level = True, level * found
+    level = _of_noise(np.hypot(camera, projector), level)
     return (camera * level, projector * level) if both or stated else None
 
 
@@ -124,6 +125,13 @@ def _levels(stated: FloatArray, z: FloatArray, belief: float) -> FloatArray:
     logs[usual:] = np.maximum(logs[usual:], logs[usual])
     apart = np.append(True, np.diff(sizes) > 1e-9)
     return np.exp(np.interp(np.log(stated), sizes[apart], logs[apart]))
+
+
+def _of_noise(stated: FloatArray, level: FloatArray) -> FloatArray:
+    """(N,) `level` where the noise of most points is so many times theirs: what some are doubted beyond that, by edges
+    that no residual shows, is not made less of since all have less noise than stated."""
+    noise = np.minimum((float(np.median(stated)) / stated) ** 2, 1.0)  # share of the variance
+    return np.sqrt(noise * level**2 + (1 - noise) * np.maximum(level, 1.0) ** 2)
 
 
 def robust_size(z: FloatArray, belief: float = 0.0) -> float:

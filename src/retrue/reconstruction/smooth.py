@@ -6,19 +6,17 @@ Each point takes the value of a quadric that is fitted to the window of cells ar
     k(x, y) = s(x) / n + s(y) / n - 1 / n^2,    n = 2 h + 1,
 
 s the filter of a parabola in one dimension. A window counts only where the surface goes on through all of it, so that
-nothing is carried over a jump; and only while it changes the smaller windows' answer by no more than noise does, so
-that creases, steps and bends stay as they are: the larger one is left where the scene, not noise, makes it differ.
+nothing is carried over a jump. What a quadric cannot follow in it, a crease or a tight bend, errs as noise does
+(`lack_of_fit`): of all windows about a point that counts in which both together are least, and sigma holds both.
 
-Sources: Savitzky, Golay, "Smoothing and differentiation of data by simplified least squares procedures", Analytical
-Chemistry 36, 1964 (the filter); Lepski, "A problem of adaptive estimation in Gaussian white noise", Theory of
-Probability and its Applications 35, 1990 (the size of the window).
+Source: Savitzky, Golay, "Smoothing and differentiation of data by simplified least squares procedures", Analytical
+Chemistry 36, 1964 (the filter).
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from itertools import pairwise
-from typing import Any, cast
 
 import numpy as np
 
@@ -26,12 +24,13 @@ from retrue.errors import InputError
 from retrue.geometry.arrays import BoolArray, FloatArray, IntArray
 from retrue.geometry.robust import MAD_TO_SIGMA
 from retrue.reconstruction.cloud import Cloud, require_cloud
+from retrue.reconstruction.lack_of_fit import centre_filter, filtered, lack_of_fit
 from retrue.reconstruction.surface_grid import SurfaceGrid, surface_grid
 
 HALVES = (1, 2, 4, 8)
 """Cells that a window reaches to either side of its own."""
 AGREE = 3.0
-"""Sigmas of the mean square of their difference by which two sizes of window may differ."""
+"""Sigmas by which the middles of opposite neighbours may differ, of a cell without a point."""
 INDEPENDENT = 0.75
 """Of what white noise would lose: neighbours that lose so much err each by itself."""
 FEWEST = 500
@@ -48,12 +47,16 @@ class _Window:
     whole : where the surface goes on through all of the window.
     left : share of the variance that white noise leaves.
     variance : mean of the points' own in the window.
+    lack : what a quadric is expected to be off in its middle, squared; infinite where there is no window.
+    fits : whether it is more likely not off at all.
     """
 
     w: FloatArray
     whole: BoolArray
     left: float
     variance: FloatArray
+    lack: FloatArray
+    fits: BoolArray
 
 
 def smoothed(cloud: Cloud) -> Cloud:
@@ -76,13 +79,16 @@ def smoothed(cloud: Cloud) -> Cloud:
     own = (cloud.sigma / (cloud.points[:, 2] * np.linalg.norm(cloud.points, axis=1))) ** 2  # variance of w
     windows = _windows(grid, np.where(grid.index >= 0, own[grid.index], np.nan))
     steps, last = _steps(windows)
-    size = _sizes(windows, steps)
+    errors = np.stack(
+        [(sum(steps[number:]) + last) * window.variance + window.lack for number, window in enumerate(windows)]
+    )
+    size = np.where(grid.index >= 0, np.nan_to_num(errors, nan=np.inf).argmin(axis=0), 0)
     ratio, share = np.ones(len(cloud)), np.ones(len(cloud))
     for number, window in enumerate(windows[1:], start=1):
         here = size == number
-        rows, left = grid.index[here], sum(steps[number:]) + last
+        rows = grid.index[here]
         ratio[rows] = grid.w[here] / window.w[here]
-        share[rows] = np.sqrt(np.minimum(left * window.variance[here] / own[rows], 1.0))
+        share[rows] = np.sqrt(np.minimum(errors[number][here] / own[rows], 1.0))
     return _moved(cloud, ratio, share, size[size > 0])
 
 
@@ -112,7 +118,8 @@ def _windows(grid: SurfaceGrid, variance: FloatArray) -> list[_Window]:
     gap = ~(there | bridged)
     right = ~(grid.right | bridged[:, :-1] | bridged[:, 1:])
     down = ~(grid.down | bridged[:-1] | bridged[1:])
-    made = [_Window(grid.w, there, 1.0, variance)]
+    level = np.nan_to_num(w)
+    made = [_Window(grid.w, there, 1.0, variance, np.zeros(there.shape), there)]
     for half in HALVES:
         side = 2 * half + 1
         if side > min(there.shape):
@@ -122,60 +129,31 @@ def _windows(grid: SurfaceGrid, variance: FloatArray) -> list[_Window]:
         whole[inner] = (
             _sums(gap, side, side) + _sums(right, side, side - 1) + _sums(down, side - 1, side) == 0
         ) & there[inner]
-        mean, line = np.full(side, 1 / side), parabola(half)
-        level = np.nan_to_num(w)
-        value = _filtered(level, mean, line) + _filtered(level, line, mean) - _filtered(level, mean, mean)
+        mean, line = np.full(side, 1 / side), centre_filter(half, 2)
+        value = filtered(level, mean, line) + filtered(level, line - mean, mean)
         filter_ = np.add.outer(line, line) / side - 1 / side**2
-        made.append(_Window(value, whole, float(np.sum(filter_**2)), _filtered(np.nan_to_num(own), mean, mean)))
+        of_points = filtered(np.nan_to_num(own), mean, mean)
+        lack = lack_of_fit(level, of_points, whole & (of_points > 0), half)
+        made.append(_Window(value, whole, float(np.sum(filter_**2)), of_points, lack.variance, lack.fits))
     return made
-
-
-def parabola(half: int) -> FloatArray:
-    """(2 half + 1,) weights of equally spaced values in the value of their parabola in the middle.
-
-    >>> (35 * parabola(2)).round(9).tolist()
-    [-3.0, 12.0, 17.0, 12.0, -3.0]
-    """
-    x = np.arange(-half, half + 1.0)
-    return np.asarray(np.linalg.pinv(np.stack([np.ones_like(x), x, x * x], axis=1))[0], np.float64)
 
 
 def _steps(windows: list[_Window]) -> tuple[list[float], float]:
     """Share of the variance that each window takes from the one before it; and what the last one leaves.
 
-    Of windows that tell too little it is what they would take were neighbours independent. Where all take hardly less
-    than that, what is left goes on so; else neighbours err alike over more than the windows, and the rest is left.
+    Windows tell that in which a quadric fits. Where those are too few, it is what they would take were neighbours
+    independent. Where all take hardly less than that, what is left goes on so; else neighbours err alike over more than
+    the windows, and the rest is left.
     """
     level, steps = 1.0, list[float]()
     for finer, coarser in pairwise(windows):
-        both = finer.whole & coarser.whole & (coarser.variance > 0)
+        both = finer.whole & coarser.fits
         if np.count_nonzero(both) >= FEWEST:
             variance = (finer.left - coarser.left) * coarser.variance[both]
             level = (MAD_TO_SIGMA * float(np.median(np.abs(finer.w - coarser.w)[both] / np.sqrt(variance)))) ** 2
         steps.append(level * (finer.left - coarser.left))
     alike = sum(steps) < INDEPENDENT * (1 - windows[-1].left)
     return steps, 1 - sum(steps) if alike else level * windows[-1].left
-
-
-def _sizes(windows: list[_Window], steps: list[float]) -> IntArray:
-    """(H, W) number of the largest window that agrees with all smaller ones but the point itself.
-
-    Not in its middle alone, where chance decides: all through it smaller windows must differ from the larger ones
-    about them by what noise makes them differ, in the mean square.
-    """
-    size = np.zeros(windows[0].w.shape, np.int64)
-    for number, window in enumerate(windows[1:], start=1):
-        agrees = window.whole & (size == number - 1)
-        mean = np.full(_side(number), 1 / _side(number))
-        for smaller in range(1, number):
-            both = window.whole & windows[smaller].whole
-            expected = np.where(both, sum(steps[smaller:number]) * window.variance, 1.0)
-            off = np.where(both, (window.w - windows[smaller].w) ** 2, 0.0) / expected
-            share = _filtered(both.astype(np.float64), mean, mean)
-            independent = np.maximum(share * (_side(number) / _side(smaller)) ** 2, 1.0)
-            agrees &= _filtered(off, mean, mean) <= share * (1 + AGREE * np.sqrt(2 / independent))
-        size[agrees] = number
-    return size
 
 
 def _side(number: int) -> int:
@@ -199,10 +177,3 @@ def _sums(mask: BoolArray, height: int, width: int) -> FloatArray:
     total = np.pad(np.cumsum(np.cumsum(mask, axis=0), axis=1), ((1, 0), (1, 0)))
     rows = total[height:] - total[: len(total) - height]
     return np.asarray(rows[:, width:] - rows[:, : rows.shape[1] - width], np.float64)
-
-
-def _filtered(values: FloatArray, down: FloatArray, across: FloatArray) -> FloatArray:
-    from scipy import ndimage
-
-    filtered = cast("Any", ndimage).correlate1d(values, down, axis=0, mode="constant")
-    return cast("Any", ndimage).correlate1d(filtered, across, axis=1, mode="constant")

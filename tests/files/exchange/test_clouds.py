@@ -55,6 +55,12 @@ def test_pcd_has_the_fields_that_its_header_says(tmp_path):
     assert np.array_equal(np.stack([packed >> 16, packed >> 8 & 255, packed & 255], axis=1), CLOUD.colors)
 
 
+def test_e57_refuses_a_cloud_without_points(tmp_path):
+    with pytest.raises(InputError, match="E57: expected points, found none"):
+        write_cloud(tmp_path / "cloud.e57", CLOUD.select(np.zeros(len(CLOUD), bool)))
+    assert not (tmp_path / "cloud.e57").exists()
+
+
 def test_e57_refuses_a_unit_of_unknown_length(tmp_path):
     cloud = Cloud(CLOUD.points, CLOUD.colors, CLOUD.camera_px, "cubit")
     with pytest.raises(InputError, match="cubit"):

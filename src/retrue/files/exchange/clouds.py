@@ -111,9 +111,11 @@ def npz_bytes(cloud: Cloud) -> bytes:
 
 
 def e57_bytes(cloud: Cloud) -> bytes:
-    """One scan whose frame is the camera's. Raises `InputError` without pye57, or without a known unit."""
+    """One scan whose frame is the camera's. Raises `InputError` without pye57, a known unit, or any point."""
     metres = metres_per(cloud.unit)
     require_e57()
+    if not len(cloud):
+        raise InputError("E57: expected points, found none; the format's bounds need some: write .ply or .pcd")
     import pye57
 
     fields: dict[str, FloatArray] = {
