@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import cv2
 import numpy as np
 import pytest
 
@@ -23,7 +24,16 @@ def test_a_coarse_bit_on_its_head_is_named():
     pictures = [*shot.pictures]
     pictures[0] = pictures[0][::-1, ::-1]
     names = [f"b{k:02d}.png" for k in range(len(pictures))]
-    with pytest.raises(CaptureError, match=r"b00\.png does not belong to the others.* 1 0 .. 0 \(on its head"):
+    with pytest.raises(CaptureError, match=r"b00\.png stands on its head"):
+        decode(shot.pattern, pictures, names=names)
+
+
+@pytest.mark.parametrize(("turned", "inverses"), [(9, True), (3, False), (8, False)])
+def test_a_picture_on_its_head_is_named(turned, inverses):
+    shot = shot_of([*LIGHTS, *both(lambda axis, side: gray_frames(axis, range(3, 9)[::-1], inverses=inverses))])
+    pictures = [own[::-1, ::-1] if k == turned else own for k, own in enumerate(shot.pictures)]
+    names = [f"b{k:02d}.png" for k in range(len(pictures))]
+    with pytest.raises(CaptureError, match=rf"b{turned:02d}\.png stands on its head"):
         decode(shot.pattern, pictures, names=names)
 
 
@@ -43,6 +53,33 @@ def test_coarse_stripes_do_not_bridge_a_step():
     off = np.abs(errors(shot, points)[:, 1])
     assert len(points) > 0.5 * pictures[0].size
     assert np.mean(off > 1) < 0.01
+
+
+def test_a_cue_that_is_no_whole_number_of_periods():
+    shot = shot_of(both(lambda axis, side: [*sine_frames(axis, 20.0, 4), *sine_frames(axis, float(side), 4)]))
+    points = decode(shot.pattern, shot.pictures)
+    assert len(points) > 0.8 * CAMERA[0] * CAMERA[1]
+    assert np.abs(errors(shot, points)).max() < 4
+
+
+def test_a_camera_s_curve_is_no_noise():
+    frames = both(lambda axis, side: gray_frames(axis, range(9)[::-1], inverses=True))
+    shot = shot_of([*LIGHTS, *frames], noise=0.0)
+    blurred = [cv2.GaussianBlur(own, (0, 0), 1.5) for own in shot.pictures]
+    curved = [np.rint(255 * (own / 255) ** 0.45).astype(np.uint8) for own in blurred]
+    points = decode(shot.pattern, curved)
+    assert len(points) > 0.3 * CAMERA[0] * CAMERA[1]
+    assert np.mean(np.abs(errors(shot, points)).max(axis=1) > 4) < 1e-3
+
+
+def test_stripes_as_wide_as_a_period_tell_its_turn_through_a_camera_s_curve():
+    frames = both(lambda axis, side: [*bits(axis, side, 4), *sine_frames(axis, 16.0, 8)])
+    shot = shot_of([*LIGHTS, *frames], noise=0.0)
+    blurred = [cv2.GaussianBlur(own, (0, 0), 1.5) for own in shot.pictures]
+    curved = [np.rint(255 * (own / 255) ** 0.45).astype(np.uint8) for own in blurred]
+    points = decode(shot.pattern, curved)
+    assert len(points) > 0.9 * CAMERA[0] * CAMERA[1]
+    assert np.mean(np.abs(errors(shot, points)).max(axis=1) > 4) < 1e-3
 
 
 @pytest.mark.parametrize("depth", [10, 12, 14])

@@ -153,5 +153,5 @@ def _depths(sequence: GraySequence, thorough: bool) -> Sequence[Depth]:
         return depths
     while len(depths) < MOST_DEPTHS and (coarser := depths[-1].sequence.coarser()) is not None:
         strips = [own for strip in strips if (own := strip.coarser()) is not None]
-        depths.append(Depth(coarser, plan_strips(strips), 2 * depths[-1].width))
+        depths.append(Depth(coarser, plan_strips(strips, finest=False), 2 * depths[-1].width))
     return depths

@@ -12,14 +12,13 @@ from numpy.typing import NDArray
 from retrue.correspondences import Card, Correspondences
 from retrue.decoding.gray.decode_gray_code import REASONS as GRAY_REASONS
 from retrue.decoding.gray.decode_gray_code import band_rows, read_gray
-from retrue.decoding.gray.faults import CAPTURE, changing_pixels, require_complements, require_light
+from retrue.decoding.gray.faults import CAPTURE, changing_pixels
 from retrue.decoding.gray.sequence import gray_sequence
 from retrue.decoding.light import FULL, filling_their_scale, saturated
 from retrue.decoding.sequence.arrange import (
     ArrangedSequence,
     arrange,
     frames_of,
-    grey_pictures,
     require_all_numbers,
     scene_lights,
     taken_without_lights,
@@ -129,15 +128,14 @@ def _diagnosed(
     pattern: GrayCode | FrameSequence, images: Sequence[Image], names: Sequence[str], error: CaptureError
 ) -> tuple[Correspondences, ArrangedSequence]:
     """As what they are; raises `error`, why they are not what was expected, where nothing tells more."""
-    from retrue.decoding.sequence.diagnosis import diagnose, pair_starts
+    from retrue.decoding.sequence.diagnosis import diagnose, require_like_pictures
 
     frames = frames_of(pattern, len(images)) or ()
     if not any(frame.code == "gray" for frame in frames):
         raise error
     found = diagnose(pattern, images, names)
     if found is None:
-        require_light(grey := grey_pictures(images))
-        require_complements(grey, names, pair_starts(frames))  # which tells the picture
+        require_like_pictures(frames, pattern.projector_size, images, names)  # which tells the picture
         raise error
     what = "; ".join(found.causes)
     if found.sequence is None:

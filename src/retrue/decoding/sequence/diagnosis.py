@@ -8,7 +8,7 @@ from itertools import pairwise
 
 import numpy as np
 
-from retrue.decoding.gray.faults import require_complements
+from retrue.decoding.gray.faults import CAPTURE, FOLDED, require_complements, require_light
 from retrue.decoding.light import FULL
 from retrue.decoding.sequence.arrange import ArrangedSequence, frames_of, grey_pictures, scene_lights
 from retrue.decoding.sequence.exposure import BETTER, MISFIT, fit_gains, fit_share, unlike, unordered_gains
@@ -38,6 +38,8 @@ BRIGHT, DARK = 90, 0.2
 """Percentile of the pixels of a picture, and below which share of the usual it shows no light."""
 ALIKE_LIGHTS = 0.8
 """Of the contrast, by which white less black falls short, whatever the exposure of each."""
+LEFT = 0.5
+"""Of what does not fit, at most, is left by a picture turned half round that is believed to stand on its head."""
 LEAST_GAIN = 0.03
 """By which it must fit better than what was expected."""
 SURPRISE = 0.01
@@ -119,6 +121,31 @@ def diagnose(pattern: GrayCode | FrameSequence, images: Sequence[Image], names: 
         told = not repeated_pictures(sample) and len(causes) > len(order.causes)
         return Diagnosis((*causes, error.problem), None, figures) if told else None  # else it explains nothing
     return Diagnosis(tuple(causes), arranged, figures)
+
+
+def require_like_pictures(
+    frames: Sequence[Frame], projector_size: tuple[int, int], images: Sequence[Image], names: Sequence[str]
+) -> None:
+    """Raise where one picture stands on its head beside the others, nothing is lit, or a pair is none."""
+    grey = grey_pictures(images)
+    require_light(grey)
+
+    def fits(turned: int) -> float:
+        pictures = [image[::-1, ::-1] if k == turned else image for k, image in enumerate(grey)]
+        sample = take_sample(pictures, np.random.default_rng(0))
+        if sample is None:
+            return 0.0
+        worst = max((sample.unlike(k, k + 1) for k in pair_starts(frames)), default=0.0)
+        own = judge(sample, frames, projector_size)  # codes beyond the projector say something of its size
+        return own.continuous * (own.one_way > FOLDED) - worst
+
+    sample = take_sample(grey, np.random.default_rng(0))
+    repeated = sample is not None and bool(repeated_pictures(sample))  # the first bit twice is half its inverse's turn
+    scores = {k: fits(k) for k, frame in enumerate(frames) if frame.code == "gray" and not repeated}
+    best = max(scores, key=lambda k: scores[k], default=-1)
+    if best >= 0 and scores[best] > CLEAR_SCORE and 1 - scores[best] < LEFT * (1 - fits(-1)):
+        raise CaptureError(CAPTURE, f"{names[best]} stands on its head beside the others: take the capture again")
+    require_complements(grey, names, pair_starts(frames))
 
 
 def looks_like(images: Sequence[Image], projector_size: tuple[int, int] = (1024, 768)) -> str:
@@ -272,7 +299,8 @@ def _order(
 def _views(sample: Sample, frames: Sequence[Frame]) -> Iterator[tuple[Sample, bool]]:
     """Without faults of light; and whether the pictures are taken to be alike in brightness."""
     yield sample, True
-    yield sample.corrected(np.ones(len(sample.here)), fit_share(sample, frames)), True
+    if share := fit_share(sample, frames):
+        yield sample.corrected(np.ones(len(sample.here)), share), True
     yield sample.corrected(fit_gains(sample, frames), 0.0), False
     yield sample.corrected(unordered_gains(sample.here), 0.0), False
 
