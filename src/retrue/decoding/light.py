@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 
 from retrue.geometry.arrays import BoolArray, FloatArray, Image
@@ -9,6 +11,19 @@ from retrue.kernels import surroundings as kernel
 
 FULL = 0.99
 """Of full scale: from there on a sensor may have seen any more light; JPEG leaves 255 a little below itself."""
+
+SENSOR_BITS = (10, 12, 14)
+"""Of cameras whose pictures are stored in 16 bits, many as they come, in the lower of these."""
+
+
+def filling_their_scale(images: Sequence[Image]) -> Sequence[Image]:
+    """Pictures of 16 bits, of which none uses more than a sensor's fewer, shifted up to the whole scale; others as
+    they are. Else 4095 of 12 bits would not be known as the end of the scale, and all would look dark."""
+    if not images or any(image.dtype != np.uint16 for image in images):
+        return images
+    brightest = max(int(image.max(initial=0)) for image in images)
+    bits = next((bits for bits in SENSOR_BITS if brightest < 1 << bits), 16)
+    return [image << np.uint16(16 - bits) for image in images] if bits < 16 else images
 
 
 def saturated(pixels: Image) -> BoolArray:

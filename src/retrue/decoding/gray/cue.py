@@ -14,6 +14,9 @@ NARROW = 4
 """A stripe need not be narrower than that part of a turn; finer bits may be blurred."""
 EDGE_REACH = 0.25
 """Stripes: how far from an edge its bit may be undecided."""
+BESIDE_EDGE = 0.6
+"""Of the contrast: a bit whose pattern and inverse differ by less is seen at its edge, on which side of it a camera's
+curve, or white and black that are a little off, may decide."""
 
 
 def as_cue(sequence: GraySequence, period_px: float) -> GraySequence:
@@ -27,7 +30,7 @@ def as_cue(sequence: GraySequence, period_px: float) -> GraySequence:
 
 
 def read_cue(sequence: GraySequence, noise_gain: float, rows: slice) -> tuple[Coarse, BoolArray]:
-    """The coordinate of one axis in a band: the middle of the stripe, or the edge where one bit is undecided.
+    """The coordinate of one axis in a band: the middle of the stripe, or the edge where one bit is seen at its edge.
 
     Returns
     -------
@@ -50,12 +53,13 @@ def read_cue(sequence: GraySequence, noise_gain: float, rows: slice) -> tuple[Co
         second = np.minimum(second, np.maximum(least, margin))
         least = np.minimum(least, margin)
     code, other = _number(gray), _number(gray ^ (1 << unsure))
-    at_edge = (least <= decided) & (np.abs(code - other) == 1)
+    undecided = least <= decided
+    at_edge = (undecided | (least < BESIDE_EDGE * (white - black))) & (np.abs(code - other) == 1)
     width, offset = np.float32(stripes.width_px), np.float32(stripes.offset_px - 0.5)
     px: FloatImage = np.where(at_edge, np.maximum(code, other), code + np.float32(0.5)).astype(np.float32)
-    reach = np.where(at_edge, np.float32(EDGE_REACH), np.float32(0.5)) * width
+    reach = np.where(at_edge & undecided, np.float32(EDGE_REACH), np.float32(0.5)) * width
     inside = (code >= stripes.first) & (code <= stripes.last)
-    trusted = (white - black > 2 * decided) & (second > decided) & ((least > decided) | at_edge) & inside
+    trusted = (white - black > 2 * decided) & (second > decided) & (~undecided | at_edge) & inside
     return Coarse(px * width + offset, np.zeros_like(px), reach, np.inf), trusted
 
 

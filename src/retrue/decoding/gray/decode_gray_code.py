@@ -69,7 +69,7 @@ def read_gray(sequence: GraySequence, threads: ThreadPoolExecutor, *, thorough: 
     (first_band, last_band), columns, lit = _lit_box(depths[0], whole, threads)
     top, bottom = whole[first_band].start, whole[last_band].stop
     bands = band_rows(bottom - top)
-    depths = [Depth(depth.sequence.part(slice(top, bottom), columns), depth.plan) for depth in depths]
+    depths = [replace(depth, sequence=depth.sequence.part(slice(top, bottom), columns)) for depth in depths]
     first = read_depth(depths[0], bands, threads, None)
     require_inside(int(np.count_nonzero(first.agreed)), first.outside, first.largest, sequence.stripes)
     good = first.certain & first.smooth
@@ -153,5 +153,5 @@ def _depths(sequence: GraySequence, thorough: bool) -> Sequence[Depth]:
         return depths
     while len(depths) < MOST_DEPTHS and (coarser := depths[-1].sequence.coarser()) is not None:
         strips = [own for strip in strips if (own := strip.coarser()) is not None]
-        depths.append(Depth(coarser, plan_strips(strips)))
+        depths.append(Depth(coarser, plan_strips(strips, finest=False), 2 * depths[-1].width))
     return depths

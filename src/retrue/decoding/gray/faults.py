@@ -37,6 +37,11 @@ CONFLICT = 0.7
 MOST_CONFLICTS = 0.15
 LEAST_TRANSITIONS = 16
 FOLDS = "the {} code runs up and down again, as where the pictures of a bit are missing or wrong"
+MISPLACED = (
+    "{} does not belong to the others: where it changes, the lower bits of the {} code are not 1 0 .. 0 (on "
+    "its head, moved, or of another capture?); take the capture again"
+)
+MISPLACED_SHARE = 0.8
 COARSE, FEWEST_STEPS = 2, 40
 LACKING = 0.2
 """Of the changes of a bit, at which the next lower one is 1: noise leaves half, its pictures nearly all."""
@@ -121,6 +126,9 @@ def require_order(code: CodeImage, neighbour: CodeImage, names: Sequence[tuple[s
         problem = f"pattern and inverse are swapped: {pattern} and {inverse}"
     elif _lacks_a_bit(code, neighbour, len(names)):
         problem = FOLDS.format(axis)
+    elif (bit := _misplaced_bit(code, neighbour, len(names))) is not None:
+        named = names[len(names) - 1 - bit][0]
+        raise CaptureError(CAPTURE, MISPLACED.format(named, axis))
     else:
         return
     raise CaptureError(CAPTURE, f"{problem}; expected pattern before inverse, most significant bit first")
@@ -151,6 +159,19 @@ def _lacks_a_bit(code: CodeImage, neighbour: CodeImage, bits: int) -> bool:
     changed = gray ^ neighbour ^ (neighbour >> 1)
     lower = [(gray[changed == 2 << bit] >> bit) & 1 for bit in range(bits - 1)]
     return any(len(own) >= LEAST_TRANSITIONS and own.mean() < LACKING for own in lower)
+
+
+def _misplaced_bit(code: CodeImage, neighbour: CodeImage, bits: int) -> int | None:
+    """The lowest bit at most of whose changes the lower bits are not those that a Gray code has there, 1 0 .. 0; None
+    where none is. The lowest of these is not asked: noise is loudest there."""
+    gray = code ^ (code >> 1)
+    changed = gray ^ neighbour ^ (neighbour >> 1)
+    for bit in range(2, bits):
+        own = gray[changed == 1 << bit]
+        wrong = ((own ^ (1 << (bit - 1))) & ((1 << bit) - 2)) != 0
+        if len(own) >= LEAST_TRANSITIONS and wrong.mean() > MISPLACED_SHARE:
+            return bit
+    return None
 
 
 def require_one_way(along: Sequence[tuple[CodeImage, CodeImage]], axis: str) -> None:

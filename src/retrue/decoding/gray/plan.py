@@ -28,6 +28,8 @@ FEWEST_EDGES = 30
 MOST_STRIPES = 4
 """Between neighbours on one surface."""
 CHI_SQUARE_MEDIAN = 0.455
+LEAST_SEEN = 0.5
+"""Of the pixels of good contrast, that are lit beyond the noise of bits which tell it."""
 FEWEST_PATTERNS = 3
 """Without inverses, to see noise in how they scatter."""
 
@@ -79,15 +81,16 @@ class _Neighbours:
     resolved: float
 
 
-def plan_reading(sequence: GraySequence) -> Plan:
+def plan_reading(sequence: GraySequence, *, finest: bool = True) -> Plan:
     """From strips of rows and of columns. Raises `CaptureError` where bits are not in the pattern's order."""
-    return plan_strips(cut_strips(sequence))
+    return plan_strips(cut_strips(sequence), finest=finest)
 
 
-def plan_strips(strips: Sequence[GraySequence]) -> Plan:
-    """The same of strips that are cut already."""
+def plan_strips(strips: Sequence[GraySequence], *, finest: bool = True) -> Plan:
+    """The same of strips that are cut already; whether a code folds is asked of the `finest` stripes: of a few wide
+    ones no more edges may be seen than jumps from surface to surface."""
     noise_gain = _noise_gain(strips[1])
-    axes = [_plan_axis(strips, axis, noise_gain) for axis in range(len(strips[0].stripes))]
+    axes = [_plan_axis(strips, axis, noise_gain, finest) for axis in range(len(strips[0].stripes))]
     return Plan(
         noise_gain,
         min(own.resolved for own in axes),
@@ -109,7 +112,7 @@ def noise_of_difference(noise_gain: float, brightness: FloatImage) -> FloatImage
     return np.sqrt(np.maximum(np.float32(noise_gain) * brightness, np.float32(0.5)))
 
 
-def _plan_axis(strips: Sequence[GraySequence], axis: int, noise_gain: float) -> _AxisPlan:
+def _plan_axis(strips: Sequence[GraySequence], axis: int, noise_gain: float, finest: bool) -> _AxisPlan:
     seen = [_neighbours(sequence, axis, along, noise_gain) for along, sequence in enumerate(strips)]
     apart = [np.abs(pairs.beyond - pairs.code) for pairs in seen]
     steps = [float(np.count_nonzero(own == 1)) / max(len(own), 1) for own in apart]
@@ -117,7 +120,8 @@ def _plan_axis(strips: Sequence[GraySequence], axis: int, noise_gain: float) -> 
     pairs = seen[along]
     name = ("column", "row")[strips[0].stripes[axis].axis]
     require_order(pairs.code, pairs.beyond, strips[0].names[axis], name)
-    require_one_way([(own.code, own.beyond) for own in seen], name)
+    if finest:
+        require_one_way([(own.code, own.beyond) for own in seen], name)
     stripe = 1 / max(steps[along], 1 / MAX_CELL)
     cell = min(max(2 ** round(math.log2(stripe)), 2), MAX_CELL)
     return _AxisPlan(along, cell, pairs.resolved, _edge_bias(pairs, apart[along]))
@@ -151,6 +155,9 @@ def _edge_bias(pairs: _Neighbours, apart: CodeImage) -> EdgeBias:
 def _noise_gain(strips: GraySequence) -> float:
     """Pattern + inverse is the same for every bit, but for the noise of four pictures; of the finest two bits.
 
+    Where that leaves hardly any pixel lit it is no noise: the camera's curve makes two halves of blurred stripes more
+    than their sum, and coarser bits are asked.
+
     Without inverses: what the coarsest patterns differ from white, or from black, as strayed light has its part in it;
     but no less than the scatter of all, since white and black may be made of them. What stands for the difference of
     pattern and inverse, 2 pattern - white - black, has three times the variance of a true one.
@@ -165,12 +172,16 @@ def _noise_gain(strips: GraySequence) -> float:
         apart = float(np.median(gains)) / (2 * CHI_SQUARE_MEDIAN) if len(gains) else 0.0
         coarse = [pattern for patterns in strips.patterns for pattern in patterns[: max(len(patterns) - 2, 1)]]
         return 3 * max(apart, _scatter(np.stack(coarse).astype(np.float32), (white + black) / np.float32(2), lit))
-    pairs = list(zip(strips.patterns[axis][-2:], strips.inverses[axis][-2:], strict=True))
-    if len(pairs) < 2:
-        return 0.0
-    first, second = (pattern.astype(np.float32) + inverse for pattern, inverse in pairs)
-    gains = np.square(first - second)[lit] / np.maximum(white + black, 1)[lit]
-    return float(np.median(gains)) / (2 * CHI_SQUARE_MEDIAN) if len(gains) else 0.0
+    pairs = list(zip(strips.patterns[axis], strips.inverses[axis], strict=True))
+    total, gain = white + black, 0.0
+    for finest in range(len(pairs), 1, -2):
+        first, second = (pattern.astype(np.float32) + inverse for pattern, inverse in pairs[finest - 2 : finest])
+        gains = np.square(first - second)[lit] / np.maximum(total, 1)[lit]
+        gain = float(np.median(gains)) / (2 * CHI_SQUARE_MEDIAN) if len(gains) else 0.0
+        seen = (white - black)[lit] > 2 * UNDECIDED * noise_of_difference(gain, total[lit])
+        if not len(seen) or seen.mean() > LEAST_SEEN:
+            break
+    return gain
 
 
 def _scatter(patterns: FloatImage, middle: FloatImage, lit: BoolArray) -> float:

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from retrue.decoding.gray.bits import CodeImage, decode_axis
 from retrue.decoding.gray.plan import MAX_CELL, UNDECIDED, Plan
 from retrue.decoding.gray.sequence import GraySequence, Stripes
-from retrue.decoding.gray.stripe_edges import Edges, FloatImage, PlaneFit, PlaneFitter, find_edges
+from retrue.decoding.gray.stripe_edges import LARGEST_RESIDUAL, Edges, FloatImage, PlaneFit, PlaneFitter, find_edges
 from retrue.geometry.arrays import BoolArray, FloatArray, Image
 from retrue.kernels import stripes as kernel
 
@@ -32,10 +32,11 @@ ABOVE, BELOW = 1, 2
 
 @dataclass(frozen=True, slots=True)
 class Depth:
-    """A code down to some bit, and how to read it."""
+    """A code down to some bit, how to read it, and how many of the finest stripes one of its stripes is wide."""
 
     sequence: GraySequence
     plan: Plan
+    width: int = 1
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -88,7 +89,10 @@ def read_depth(depth: Depth, bands: Sequence[range], threads: ThreadPoolExecutor
     shape, axes = depth.sequence.white.shape, range(len(depth.sequence.stripes))
     lit, agreed, inside, certain, smooth = (np.zeros(shape, np.bool_) for _ in range(5))
     codes = [np.empty(shape, np.int16) for _ in axes]
-    fitters = [PlaneFitter(shape, cell, along) for cell, along in zip(depth.plan.cells, depth.plan.along, strict=True)]
+    fitters = [
+        PlaneFitter(shape, cell, along, LARGEST_RESIDUAL / depth.width)
+        for cell, along in zip(depth.plan.cells, depth.plan.along, strict=True)
+    ]
     needed = None if wanted is None else _around(wanted, REACH_CELLS * max(depth.plan.cells))
 
     def look(rows: range) -> tuple[list[Edges], list[tuple[int, int]]]:

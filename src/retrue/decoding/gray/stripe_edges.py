@@ -121,10 +121,10 @@ class PlaneFitter:
     multiples of a cell may be taken by several threads at a time; each step needs the one before of the bands around.
     """
 
-    def __init__(self, shape: tuple[int, ...], cell: int, along: int) -> None:
+    def __init__(self, shape: tuple[int, ...], cell: int, along: int, largest_residual: float) -> None:
         height, self._width = shape
         cells = -(-height // cell), -(-self._width // cell)  # the last ones cut off by the border
-        self._cell, self._along = cell, along
+        self._cell, self._along, self._largest_residual = cell, along, largest_residual
         self._sums, self._misses, self._planes, self._shape, self._loose = (
             np.zeros((count, *cells), np.float32) for count in (len(MOMENTS), 3, 3, 5, 2)
         )
@@ -162,7 +162,7 @@ class PlaneFitter:
                 np.stack(missed),
                 np.ascontiguousarray(self._loose[:, here, columns]),
                 ((EDGE_SIGMA / self._cell) ** 2, 0.5 / self._cell**2),
-                (LARGEST_RESIDUAL**2, LARGEST_SIGMA**2),
+                (self._largest_residual**2, LARGEST_SIGMA**2),
                 variance,
                 even,
                 sure,

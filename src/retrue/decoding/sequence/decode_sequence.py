@@ -12,18 +12,18 @@ from numpy.typing import NDArray
 from retrue.correspondences import Card, Correspondences
 from retrue.decoding.gray.decode_gray_code import REASONS as GRAY_REASONS
 from retrue.decoding.gray.decode_gray_code import band_rows, read_gray
-from retrue.decoding.gray.faults import CAPTURE, changing_pixels, require_complements, require_light
+from retrue.decoding.gray.faults import CAPTURE, changing_pixels
 from retrue.decoding.gray.sequence import gray_sequence
-from retrue.decoding.light import FULL, saturated
+from retrue.decoding.light import FULL, filling_their_scale, saturated
 from retrue.decoding.sequence.arrange import (
     ArrangedSequence,
     arrange,
     frames_of,
-    grey_pictures,
     require_all_numbers,
     scene_lights,
     taken_without_lights,
 )
+from retrue.decoding.sequence.exposure import require_white_or_black
 from retrue.decoding.sequence.read_sines import FEWEST_TURNS, plan_sines, read_sines
 from retrue.decoding.sequence.read_sines import REASONS as SINE_REASONS
 from retrue.decoding.sequence.sine_faults import ON_ITS_HEAD, SineFault, find_sine_fault
@@ -71,8 +71,7 @@ def decode_sequence(
         a picture is missing, doubled, late, swapped or of another size, nothing is lit, or the codes exceed
         the projector; names the picture.
     """
-    names = names or [f"picture {index + 1}" for index in range(len(images))]
-    return decode_pictures(pattern, images, names)[0]
+    return decode_pictures(pattern, images, names or [f"picture {k + 1}" for k in range(len(images))])[0]
 
 
 def decode_pictures(
@@ -84,6 +83,7 @@ def decode_pictures(
     card says so; else the error says what happened, and first that they are overexposed, where that may be why.
     """
     require_all_numbers(pattern, names)
+    images = filling_their_scale(images)
     taken = taken_without_lights(pattern, len(images))
     try:
         points, sequence = _decode_or_diagnose(pattern, images, names)
@@ -108,6 +108,7 @@ def _decode_or_diagnose(
         sequence = arrange(pattern, images, names)
         if (fault := find_sine_fault(sequence.spec, sequence.pictures, sequence.names)) is not None:
             return _read_all_the_same(sequence, fault)
+        require_white_or_black(sequence.spec.frames, sequence.pictures)
         points = decode_arranged(sequence)
     except CaptureError as error:
         if len({image.shape[:2] for image in images}) != 1 or len({image.dtype for image in images}) != 1:
@@ -127,15 +128,14 @@ def _diagnosed(
     pattern: GrayCode | FrameSequence, images: Sequence[Image], names: Sequence[str], error: CaptureError
 ) -> tuple[Correspondences, ArrangedSequence]:
     """As what they are; raises `error`, why they are not what was expected, where nothing tells more."""
-    from retrue.decoding.sequence.diagnosis import diagnose, pair_starts
+    from retrue.decoding.sequence.diagnosis import diagnose, require_like_pictures
 
     frames = frames_of(pattern, len(images)) or ()
     if not any(frame.code == "gray" for frame in frames):
         raise error
     found = diagnose(pattern, images, names)
     if found is None:
-        require_light(grey := grey_pictures(images))
-        require_complements(grey, names, pair_starts(frames))  # which tells the picture
+        require_like_pictures(frames, pattern.projector_size, images, names)  # which tells the picture
         raise error
     what = "; ".join(found.causes)
     if found.sequence is None:
@@ -182,8 +182,8 @@ def _read_all_the_same(sequence: ArrangedSequence, fault: SineFault) -> tuple[Co
 
 
 def _without_ends(points: Correspondences) -> Correspondences:
-    """Without the projector's first column and row: only there it matters which it is. A picture on its head shows
-    pixel n at side - 1 - n, shifts that run the other way show it at side - n, at the first pixel a turn less."""
+    """Without the projector's first column and row, where alone it matters which it is: pixel n of a picture on its
+    head shows at side - 1 - n, of shifts that run the other way at side - n, of the first pixel a turn less."""
     x, y = points.projector_px.T
     kept = (x > FIRST_PX) & (y > FIRST_PX)
     card, lost = points.card, int(np.count_nonzero(~kept))
@@ -380,8 +380,7 @@ def _advice(sequence: ArrangedSequence, lit: int, rejected: Mapping[str, int]) -
             "one sine of three shifts cannot tell the projector's gamma, which may move points by several per cent of "
             "its period, beside their sigma: set it to linear, or add a finer sine"
         )
-    white = sequence.white[::4, ::4]
-    full = float(np.mean(white >= np.iinfo(white.dtype).max))
+    full = float(np.mean(saturated(sequence.white[::4, ::4].ravel())))
     if full > 0.05:
         advice.append(f"{100 * full:.0f} % of the white picture is overexposed: shorten the exposure")
     return advice

@@ -3,26 +3,24 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import pairwise
 
 import numpy as np
 
-from retrue.decoding.gray.faults import require_complements
+from retrue.decoding.gray.faults import CAPTURE, FOLDED, require_complements, require_light
 from retrue.decoding.light import FULL
 from retrue.decoding.sequence.arrange import ArrangedSequence, frames_of, grey_pictures, scene_lights
+from retrue.decoding.sequence.exposure import BETTER, MISFIT, fit_gains, fit_share, unlike, unordered_gains
 from retrue.decoding.sequence.hypotheses import (
     FEWEST_CHANGES,
     Hypothesis,
     Judgement,
     Sample,
-    fit_gains,
-    fit_share,
     hypotheses,
     judge,
     repeated_pictures,
     take_sample,
-    unlike,
 )
 from retrue.errors import CaptureError, InputError
 from retrue.geometry.arrays import FloatArray, Image
@@ -34,14 +32,18 @@ LEAST_SCORE = 0.55
 """Of a hypothesis that is believed."""
 CLEAR_SCORE = 0.8
 """Of one that leaves nothing to ask."""
+EVIDENT_SCORE = 0.97
+"""Of one whose pictures need not be asked for faults of their light."""
+BRIGHT, DARK = 90, 0.2
+"""Percentile of the pixels of a picture, and below which share of the usual it shows no light."""
+ALIKE_LIGHTS = 0.8
+"""Of the contrast, by which white less black falls short, whatever the exposure of each."""
+LEFT = 0.5
+"""Of what does not fit, at most, is left by a picture turned half round that is believed to stand on its head."""
 LEAST_GAIN = 0.03
 """By which it must fit better than what was expected."""
 SURPRISE = 0.01
 """Of score that each cause must earn, and every two pictures that it leaves unexplained."""
-MISFIT = 0.05
-"""Of the contrast: pattern and inverse of good pictures add up to the same within less."""
-BETTER = 0.6
-"""Of that misfit is left by a correction that is believed."""
 AS_GOOD = 1.5
 """Times the misfit of the best correction: a simpler one that leaves no more is believed."""
 LEAST_SHARE, LEAST_SPREAD = 0.04, 1.08
@@ -50,6 +52,10 @@ SINUSOIDAL = 0.3
 """Share of pixels between dark and bright in a picture, beyond which it shows a sine."""
 MIDDLE = (0.2, 0.8)
 """Of a pixel's brightness: a sine passes here, a bit does not."""
+DARK_AND_BRIGHT = (10, 90)
+"""Percentiles of a picture's pixels."""
+LEAST_RANGE = 0.3
+"""Of a pixel's brightness, between these, of a picture that shows both."""
 LEAST_TOLD = 0.5
 """Of the lit pixels: so many must be below the end of the scale to tell sines from bits."""
 
@@ -93,7 +99,7 @@ def diagnose(pattern: GrayCode | FrameSequence, images: Sequence[Image], names: 
     if share:
         causes.append(f"every picture holds {100 * share:.0f} % of the one before it: synchronise, or wait longer")
         figures["share_of_picture_before"] = share
-    spread = float(gains.max() / gains.min())
+    spread = _spread(sample, gains)
     if spread > 1:
         causes.append(
             f"brightness changes from picture to picture, by a factor of up to {spread:.2f}: switch automatic "
@@ -115,6 +121,31 @@ def diagnose(pattern: GrayCode | FrameSequence, images: Sequence[Image], names: 
         told = not repeated_pictures(sample) and len(causes) > len(order.causes)
         return Diagnosis((*causes, error.problem), None, figures) if told else None  # else it explains nothing
     return Diagnosis(tuple(causes), arranged, figures)
+
+
+def require_like_pictures(
+    frames: Sequence[Frame], projector_size: tuple[int, int], images: Sequence[Image], names: Sequence[str]
+) -> None:
+    """Raise where one picture stands on its head beside the others, nothing is lit, or a pair is none."""
+    grey = grey_pictures(images)
+    require_light(grey)
+
+    def fits(turned: int) -> float:
+        pictures = [image[::-1, ::-1] if k == turned else image for k, image in enumerate(grey)]
+        sample = take_sample(pictures, np.random.default_rng(0))
+        if sample is None:
+            return 0.0
+        worst = max((sample.unlike(k, k + 1) for k in pair_starts(frames)), default=0.0)
+        own = judge(sample, frames, projector_size)  # codes beyond the projector say something of its size
+        return own.continuous * (own.one_way > FOLDED) - worst
+
+    sample = take_sample(grey, np.random.default_rng(0))
+    repeated = sample is not None and bool(repeated_pictures(sample))  # the first bit twice is half its inverse's turn
+    scores = {k: fits(k) for k, frame in enumerate(frames) if frame.code == "gray" and not repeated}
+    best = max(scores, key=lambda k: scores[k], default=-1)
+    if best >= 0 and scores[best] > CLEAR_SCORE and 1 - scores[best] < LEFT * (1 - fits(-1)):
+        raise CaptureError(CAPTURE, f"{names[best]} stands on its head beside the others: take the capture again")
+    require_complements(grey, names, pair_starts(frames))
 
 
 def looks_like(images: Sequence[Image], projector_size: tuple[int, int] = (1024, 768)) -> str:
@@ -175,8 +206,9 @@ def show_sines(images: Sequence[Image]) -> bool | None:
     """Whether a sequence shows sines, and not bits; None where its pictures are too few, small, dark or bright to tell.
 
     Of the pixels that no picture shows at the end of its scale, where a sine looks like a bit, those of most contrast,
-    since noise puts bits between dark and bright; in most pictures, since blur does so to the finest stripes. A pixel's
-    own darkest and brightest picture tell nothing.
+    since noise puts bits between dark and bright; in most pictures, since blur does so to the finest stripes; between
+    what is dark and bright in that picture, which the exposure may have changed. A pixel's own darkest and brightest
+    picture tell nothing, nor does a picture that shows one of them almost everywhere.
     """
     grey = grey_pictures(images)
     sample = take_sample(grey, np.random.default_rng(0)) if len(images) > 2 else None
@@ -188,6 +220,11 @@ def show_sines(images: Sequence[Image]) -> bool | None:
     contrast = np.ptp(seen, axis=0)
     seen = seen[:, contrast >= np.percentile(contrast, 75)]
     scaled = (seen - seen.min(axis=0)) / np.maximum(np.ptp(seen, axis=0), 1e-6)
+    dark, bright = np.percentile(scaled, DARK_AND_BRIGHT, axis=1)
+    told = bright - dark > LEAST_RANGE
+    if not told.any():
+        return None
+    scaled = (scaled[told] - dark[told, None]) / (bright - dark)[told, None]
     between = np.mean((scaled > MIDDLE[0]) & (scaled < MIDDLE[1]), axis=1)
     return float(np.median(between)) * len(images) / (len(images) - 2) > SINUSOIDAL
 
@@ -231,20 +268,27 @@ def _order(
 ) -> tuple[Hypothesis, Judgement] | None:
     """The order that fits clearly best; the expected one where it fits as well.
 
-    Where none fits well, pictures of unlike brightness, or a share of the picture before, may hide their bits: they are
-    judged again without that share, and without their gains, and as they are where neither makes an order fit better.
+    Pictures of unlike brightness, or a share of the picture before, may hide their bits, so that another order fits
+    better: where none leaves nothing to ask they are judged again without that share, and without their gains, as told
+    by that order and by none. The view counts by which some order fits best.
     """
     asked, judged, fits = list(hypotheses(frames)), list[tuple[Hypothesis, Judgement]](), -1.0
-    for view in _views(sample, frames):
+    as_they_are: list[float] = []
+    for view, alike in _views(sample, frames):
         seen = [(own, judge(view, own.frames, projector_size)) for own in asked]
-        best_of_view = max((own.score for _, own in seen if own.changes >= FEWEST_CHANGES), default=0.0)
+        as_they_are = as_they_are or [found.dark for _, found in seen]
+        if not alike:  # only that white outshines black is told, and not by gains that make it so
+            seen = [
+                (own, replace(found, dark=float(dark > ALIKE_LIGHTS)))
+                for (own, found), dark in zip(seen, as_they_are, strict=True)
+            ]
+        best_of_view = max((_plausible(pair) for pair in seen), default=0.0) - SURPRISE * (view is not sample)
         if best_of_view > fits:
             judged, fits = seen, best_of_view
-        if fits > CLEAR_SCORE:
+        if fits > EVIDENT_SCORE:
             break
     expected = judged[0]
-    told = [pair for pair in judged if pair[1].changes >= FEWEST_CHANGES]
-    best = max(told, key=lambda pair: pair[1].score - SURPRISE * _unexpected(pair[0]), default=expected)
+    best = max(judged, key=_plausible)
     if not best[1].score > expected[1].score + LEAST_GAIN:
         best = expected
     if best[1].changes < FEWEST_CHANGES or not best[1].score > LEAST_SCORE:
@@ -252,15 +296,21 @@ def _order(
     return best
 
 
-def _views(sample: Sample, frames: Sequence[Frame]) -> Iterator[Sample]:
-    ones = np.ones(len(sample.here))
-    yield sample
-    yield sample.corrected(ones, fit_share(sample, frames))
-    yield sample.corrected(fit_gains(sample, frames), 0.0)
+def _views(sample: Sample, frames: Sequence[Frame]) -> Iterator[tuple[Sample, bool]]:
+    """Without faults of light; and whether the pictures are taken to be alike in brightness."""
+    yield sample, True
+    if share := fit_share(sample, frames):
+        yield sample.corrected(np.ones(len(sample.here)), share), True
+    yield sample.corrected(fit_gains(sample, frames), 0.0), False
+    yield sample.corrected(unordered_gains(sample.here), 0.0), False
 
 
-def _unexpected(order: Hypothesis) -> float:
-    return len(order.causes) + sum(frame.code == "ignore" for frame in order.frames) / 2
+def _plausible(judged: tuple[Hypothesis, Judgement]) -> float:
+    """How well an order fits, less what its causes, and what it leaves unexplained, must earn; 0 where too little
+    changes to tell."""
+    order, found = judged
+    unexpected = len(order.causes) + sum(frame.code == "ignore" for frame in order.frames) / 2
+    return found.score - SURPRISE * unexpected if found.changes >= FEWEST_CHANGES else 0.0
 
 
 def _light(sample: Sample, order: Hypothesis) -> tuple[FloatArray, float]:
@@ -278,8 +328,15 @@ def _light(sample: Sample, order: Hypothesis) -> tuple[FloatArray, float]:
     if not left[best] < BETTER * misfit:
         return ones, 0.0
     gains, share = tried[best]
-    spread = float(gains.max() / gains.min())
+    spread = _spread(sample, gains)
     return gains if spread > LEAST_SPREAD else ones, share if share > LEAST_SHARE else 0.0
+
+
+def _spread(sample: Sample, gains: FloatArray) -> float:
+    """Largest over smallest gain, of the pictures that show light: of a black one it is anything."""
+    level = np.percentile(sample.here / sample.contrast, BRIGHT, axis=1)
+    own = gains[level > DARK * np.median(level)]
+    return float(own.max() / own.min())
 
 
 def without_light_faults(grey: Sequence[Image], gains: FloatArray, share: float) -> list[Image]:

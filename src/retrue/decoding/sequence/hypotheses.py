@@ -28,8 +28,6 @@ LIGHTS_COUNT = 0.1
 """How much white and black count beside the code: automatic exposure may have made them equal."""
 LATEST = 3
 FEWEST_CHANGES = 40
-SHARES = [0.05 * k for k in range(10)]
-GAIN_ROUNDS = 40
 SAME = 0.04
 """Of the contrast: two pictures that differ by less almost everywhere show the same."""
 IGNORE = Frame("ignore")
@@ -156,7 +154,7 @@ def judge(sample: Sample, frames: Sequence[Frame], projector_size: tuple[int, in
     one_way = [1.0]
     unlike: list[float] = []
     for axis, name in enumerate(AXES):
-        bits = _bits(frames, name)
+        bits = bits_of(frames, name)
         if len(bits) < 2:
             continue
         low = bits[-1][0]
@@ -222,43 +220,6 @@ def repeated_pictures(sample: Sample) -> list[int]:
     return (np.flatnonzero(off < SAME) + 1).tolist()
 
 
-def fit_gains(sample: Sample, frames: Sequence[Frame]) -> FloatArray:
-    """(pictures,) gain of each picture, by which pattern / gain + inverse / gain is the same for every pair.
-
-    Least squares in turn of the pixels' sums and of the two reciprocal gains of each pair; 1 for pictures in no pair.
-    """
-    pairs = _pairs(frames)
-    gains = np.ones(len(sample.here))
-    if len(pairs) < 3:
-        return gains
-    reciprocal = gains.copy()
-    for _ in range(GAIN_ROUNDS):
-        sums = np.stack([sample.here[p] * reciprocal[p] + sample.here[q] * reciprocal[q] for p, q in pairs])
-        total = np.median(sums, axis=0)
-        for p, q in pairs:
-            design = sample.here[[p, q]].T
-            found = np.linalg.lstsq(design, total, rcond=None)[0]
-            if (found > 0.1).all() and (found < 10).all():
-                reciprocal[[p, q]] = found
-        reciprocal /= np.median(reciprocal)
-    return 1 / reciprocal
-
-
-def fit_share(sample: Sample, frames: Sequence[Frame]) -> float:
-    """The share of the picture before it in each picture, that makes pattern and inverse add up best."""
-    pairs = _pairs(frames)
-    if not pairs:
-        return 0.0
-    misses = [_unlike(corrected(sample.here, np.ones(len(sample.here)), share), pairs) for share in SHARES]
-    best = int(np.argmin(misses))
-    if not misses[best] < 0.7 * misses[0]:
-        return 0.0
-    low, high = SHARES[max(best - 1, 0)], SHARES[min(best + 1, len(SHARES) - 1)]
-    ones = np.ones(len(sample.here))
-    finer = [low + (high - low) * k / 20 for k in range(21)]
-    return min(finer, key=lambda share: _unlike(corrected(sample.here, ones, share), pairs))
-
-
 def corrected(pictures: FloatArray, gains: FloatArray, share: float) -> FloatArray:
     """Pictures (K, ...) over their gains, less the share of the picture before; the first has none before it."""
     made = pictures / gains.reshape(-1, *[1] * (pictures.ndim - 1))
@@ -268,34 +229,7 @@ def corrected(pictures: FloatArray, gains: FloatArray, share: float) -> FloatArr
     return made
 
 
-def unlike(sample: Sample, frames: Sequence[Frame]) -> float:
-    """How much pattern and inverse fail to add up to the same, of the contrast; 0 without pairs."""
-    pairs = _pairs(frames)
-    return _unlike(sample.here, pairs) if pairs else 0.0
-
-
-def _unlike(here: FloatArray, pairs: Sequence[tuple[int, int]]) -> float:
-    sums = np.stack([here[p] + here[q] for p, q in pairs])
-    contrast = np.median([np.abs(here[p] - here[q]) for p, q in pairs], axis=0)
-    spread = np.abs(sums - np.median(sums, axis=0))
-    return float(np.mean(np.median(spread / np.maximum(contrast, 1e-6), axis=1)))
-
-
-def _pairs(frames: Sequence[Frame]) -> list[tuple[int, int]]:
-    """Pictures that add up to white and black: patterns and inverses, and white and black themselves."""
-    codes = [frame.code for frame in frames]
-    found = [
-        (pattern, inverse)
-        for name in AXES
-        for _, pattern, inverse, *_ in _bits(frames, name)
-        if pattern is not None and inverse is not None
-    ]
-    if "white" in codes and "black" in codes:
-        found.append((codes.index("white"), codes.index("black")))
-    return found
-
-
-def _bits(frames: Sequence[Frame], axis: str) -> list[tuple[int, int | None, int | None, int, int]]:
+def bits_of(frames: Sequence[Frame], axis: str) -> list[tuple[int, int | None, int | None, int, int]]:
     """(bit, pattern, inverse, step, offset), most significant first."""
     patterns: dict[int, int] = {}
     inverses: dict[int, int] = {}

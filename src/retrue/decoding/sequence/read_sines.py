@@ -263,7 +263,7 @@ def _plan_axis(sequence: ArrangedSequence, axis: int, sines: list[Sine], noise: 
     cue = None
     if sequence.spec.gray(axis) is not None:
         code = as_cue(gray_sequence(sequence, [axis]), sines[0].period_px)
-        cue = code, plan_reading(code).noise_gain
+        cue = code, plan_reading(code, finest=False).noise_gain
     beside = sequence.part(slice(None), _strips(width))
     plan = AxisPlan(axis, sines, side, cue, Bend(), _ripples([sample, beside], sines, side, noise), np.inf)
     here = plan.part(_strips(height), slice(None))

@@ -273,7 +273,7 @@ def _axis_agreement(here: FloatArray, sines: Sequence[Sine], side: int) -> float
         turns = coarse.period_px / fine.period_px
         repeats = max(side / coarse.period_px, 1) - 1
         if abs(turns - round(turns)) * repeats < NEAR / 2:  # else the coarse one's own turns matter
-            off = b[1] * turns - a[1]
+            off = b[1] % 1 * turns - a[1]
             good &= np.abs(off - np.rint(off)) < NEAR
     return float(np.mean(good))
 
