@@ -32,7 +32,7 @@ from retrue.recalibration.candidates import (
 from retrue.recalibration.chance import deviations_limit, deviations_of_mixture
 from retrue.recalibration.consensus import quieter_majorities
 from retrue.recalibration.contradiction import MOST_DEVIATIONS, differing_capture
-from retrue.recalibration.fit import Support, carried, own_pose, squared_sigmas
+from retrue.recalibration.fit import Support, carried, own_pose, pose_difference
 from retrue.recalibration.hypotheses import hypothesis, without_parts
 from retrue.recalibration.lens import LENS_NAMES, LENS_PARAMETERS, stated_prior, wide_prior
 from retrue.recalibration.lens_evidence import LensEvidence, hidden_by_planes, lens_evidence
@@ -335,8 +335,9 @@ def drift(rig: Rig, judgement: Judgement, options: RecalibrateOptions) -> float:
     for fit, slow in possible:
         there = carried(old, fit.pose)
         covariances = fit.covariance + there @ own @ there.T + slow.covariances
-        squares = [squared_sigmas(old, fit.pose, covariance) for covariance in covariances]
-        found.append(deviations_of_mixture(slow.weights, np.sqrt(squares)))
+        difference = pose_difference(old, fit.pose)
+        solved = np.linalg.solve(covariances, difference[:, None])[..., 0]
+        found.append(deviations_of_mixture(slow.weights, np.sqrt([one @ difference for one in solved])))
     return min(found)
 
 
