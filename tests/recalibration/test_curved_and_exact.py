@@ -86,6 +86,19 @@ def test_exchanged_devices_are_named_where_a_part_fits_better_as_it_is() -> None
     assert isinstance(result.cause, reasons.DevicesExchanged), result.reason
 
 
+@pytest.mark.parametrize("seed", [4, 5, 6])
+def test_devices_are_not_exchanged_where_nothing_explains_the_points_that_way_either(seed: int) -> None:
+    """Bricks: each match is any number of periods off."""
+    square = Camera((1280, 960), [[1500, 0, 640], [0, 1500, 480], [0, 0, 1]])
+    rig, rng = Rig(square, square, POSE, "m"), np.random.default_rng(seed)
+    seen = capture(Scene(planes=[WALL]), rig=rig, noise=0.2, seed=seed)
+    bricks = seen.projector_px + rng.integers(-3, 4, (len(seen), 2)) * [90.0, 70.0]
+    there = square.contains(bricks)
+    result = recalibrate(rig, [replace(seen.select(np.flatnonzero(there)), projector_px=bricks[there])])
+    assert isinstance(result, Refused)
+    assert isinstance(result.cause, reasons.PointsDisagree), result.reason
+
+
 @pytest.mark.parametrize("seed", [1, 2, 3])
 def test_a_plane_is_as_loud_as_the_coarser_device_makes_it(seed: int) -> None:
     """A pixel of the camera is six of the projector, and half of the matches are wrong."""
