@@ -11,7 +11,7 @@ from retrue.correspondences import Correspondences
 from retrue.geometry.camera import Camera
 from retrue.geometry.transform import direction_angle, rotation_angle
 from retrue.recalibration import reasons
-from retrue.recalibration.candidates import with_planes
+from retrue.recalibration.candidates import split_planes, with_planes
 from retrue.recalibration.fit import Support
 from retrue.recalibration.lens_evidence import untold_misfit
 from retrue.recalibration.measured import MISFIT_PX, Measured
@@ -84,6 +84,18 @@ def test_exchanged_devices_are_named_where_a_part_fits_better_as_it_is() -> None
     result = recalibrate(rig, [backwards])
     assert isinstance(result, Refused)
     assert isinstance(result.cause, reasons.DevicesExchanged), result.reason
+
+
+@pytest.mark.parametrize("seed", [0, 1, 2, 3])
+def test_a_plane_is_found_where_wrong_neighbours_make_the_noise_so_large_that_another_seems_of_it(seed: int) -> None:
+    """Five times as large: a second one, two pixels off, fills the band about the first; the others are anywhere."""
+    rng, pixel = np.random.default_rng(seed), 1 / 700
+    x = rng.uniform(-0.4, 0.4, (400, 2))
+    y = x @ np.array([[1.02, -0.02], [0.01, 0.98]]) + [0.1, -0.02] + rng.normal(0, 0.1 * pixel, x.shape)
+    y[100:180, 0] += rng.uniform(1.5, 2.5, 80) * pixel
+    y[180:] = rng.uniform(-0.4, 0.4, (220, 2))
+    _, plane_index = split_planes(x, y, 0.5 * pixel, min_points=12, max_planes=4, rng=rng)
+    assert np.array_equal(np.flatnonzero(plane_index == 0), np.arange(100))
 
 
 @pytest.mark.parametrize("seed", [4, 5, 6])
