@@ -11,7 +11,7 @@ from retrue.correspondences import Correspondences
 from retrue.geometry.camera import Camera
 from retrue.geometry.transform import direction_angle, rotation_angle
 from retrue.recalibration import reasons
-from retrue.recalibration.candidates import with_planes
+from retrue.recalibration.candidates import split_planes, with_planes
 from retrue.recalibration.fit import Support
 from retrue.recalibration.judge import judge
 from retrue.recalibration.lens_evidence import untold_misfit
@@ -85,6 +85,31 @@ def test_exchanged_devices_are_named_where_a_part_fits_better_as_it_is() -> None
     result = recalibrate(rig, [backwards])
     assert isinstance(result, Refused)
     assert isinstance(result.cause, reasons.DevicesExchanged), result.reason
+
+
+@pytest.mark.parametrize("seed", [0, 1, 2, 3])
+def test_a_plane_is_found_where_wrong_neighbours_make_the_noise_so_large_that_another_seems_of_it(seed: int) -> None:
+    """Five times as large: a second one, two pixels off, fills the band about the first; the others are anywhere."""
+    rng, pixel = np.random.default_rng(seed), 1 / 700
+    x = rng.uniform(-0.4, 0.4, (400, 2))
+    y = x @ np.array([[1.02, -0.02], [0.01, 0.98]]) + [0.1, -0.02] + rng.normal(0, 0.1 * pixel, x.shape)
+    y[100:180, 0] += rng.uniform(1.5, 2.5, 80) * pixel
+    y[180:] = rng.uniform(-0.4, 0.4, (220, 2))
+    _, plane_index = split_planes(x, y, 0.5 * pixel, min_points=12, max_planes=4, rng=rng)
+    assert np.array_equal(np.flatnonzero(plane_index == 0), np.arange(100))
+
+
+@pytest.mark.parametrize("seed", [4, 5, 6])
+def test_devices_are_not_exchanged_where_nothing_explains_the_points_that_way_either(seed: int) -> None:
+    """Bricks: each match is any number of periods off."""
+    square = Camera((1280, 960), [[1500, 0, 640], [0, 1500, 480], [0, 0, 1]])
+    rig, rng = Rig(square, square, POSE, "m"), np.random.default_rng(seed)
+    seen = capture(Scene(planes=[WALL]), rig=rig, noise=0.2, seed=seed)
+    bricks = seen.projector_px + rng.integers(-3, 4, (len(seen), 2)) * [90.0, 70.0]
+    there = square.contains(bricks)
+    result = recalibrate(rig, [replace(seen.select(np.flatnonzero(there)), projector_px=bricks[there])])
+    assert isinstance(result, Refused)
+    assert isinstance(result.cause, reasons.PointsDisagree), result.reason
 
 
 @pytest.mark.parametrize("seed", [1, 2, 3])

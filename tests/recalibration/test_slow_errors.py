@@ -84,6 +84,6 @@ def test_it_is_what_brute_force_has_it() -> None:
 def derivative(found: Posterior, parameter: int) -> np.ndarray:
     step = np.zeros(5 + 3 * len(found.pose.planes))
     step[parameter] = 1e-6
-    bows = found.measured.bends, np.ascontiguousarray(found.parameters.bows)
+    bows = found.measured.bowed(found.parameters.bows)
     ahead, back = (residuals(found.pose.moved(sign * step), found.points, bows).epipolar for sign in (1, -1))
     return (ahead - back) / 2e-6

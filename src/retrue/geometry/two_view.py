@@ -208,9 +208,9 @@ def normal_blocks(
 ) -> FloatArray:
     """[J C]^T W [J C] (P + 1, 8 + K, 8 + K), lower triangles: along the line of each plane's points; across it of all.
 
-    Of each the pose (5), n of the plane (3) and the K columns, as in `normal_equations`. After those come further
-    unknowns that move the rays of the camera and of the projector, by `turns` (N, 2, A) each at the `corrected_rays`,
-    and the bows (B) of the plane.
+    Of each the pose (5), n of the plane (3) and the K columns, as in `normal_equations`; columns (K, 1, N) are across
+    the line alone, and so are the blocks then. After those come further unknowns that move the rays of the camera and
+    of the projector, by `turns` (N, 2, A) each at the `corrected_rays`, and the bows (B) of the plane.
     """
     width = PARAMETERS + len(columns) + 2 * turns[0].shape[2] + bows[0].shape[1]
     blocks = np.zeros((len(pose.planes) + 1, width, width))

@@ -205,9 +205,8 @@ def two_view(
     bends, bows : (N, B) and (P, B): the share of its plane's disparity that each bow of it moves a point by; or none.
     residuals : (2, N) across and along the epipolar line; NaN where there is none.
     weights : (2, N) of either, or none.
-    columns : C (K, 2, N), whatever else there is for each residual.
-    camera_turns, projector_turns : (N, 2, A) how further unknowns move the rays of either device, at `corrected_rays`;
-        or none.
+    columns : C (K, 2, N), whatever else there is for each residual; (K, 1, N) leave out the rows along the line.
+    camera_turns, projector_turns : (N, 2, A) how further unknowns move rays, at the `corrected_rays`; or none.
     blocks : (P + 1, 8 + K + 2 A + B, the same), of the points on each plane: the pose, its n, and C, and how the
         residuals change with those unknowns and with the plane's bows; and of all points across the line. Added to, as
         far as the other triangle follows.
@@ -330,7 +329,7 @@ def two_view(
                     turn = lx[m] * projector_turns[k, 0, i] + ly[m] * projector_turns[k, 1, i]
                     row[first_turn + turns + i] = turn * by[m]
                 _add(across, blocks[planes.shape[0]], row, weights[0, k], 5, first_bow)
-            if not on[m]:
+            if not on[m] or columns.shape[1] == 1:
                 continue
             # d h = (I, -h) d w / depth for w = H x, so that g . d h = -p . d w with:
             p = Vector(-gx[m] * hz[m], -gy[m] * hz[m], (gx[m] * hx[m] + gy[m] * hy[m]) * hz[m])

@@ -122,6 +122,9 @@ def split_planes(
     while len(homographies) < max_planes and len(left) >= fewest:
         thorough = MOST_HYPOTHESES if not homographies else HYPOTHESES  # without a first plane there is no answer
         found = largest_plane(camera_rays[left], projector_rays[left], noise, fewest, rng, thorough)
+        if found is None and not homographies:  # where most neighbours are wrong, noise is less than they say
+            noise /= 2
+            found = largest_plane(camera_rays, projector_rays, noise, fewest, rng, thorough)
         if found is None:
             break
         plane_index[left[found.inliers]] = len(homographies)
@@ -193,8 +196,7 @@ def refined_poses(starts: list[TwoViewPose], support: Support, rng: np.random.Ge
 
     Raises DegenerateError where no start is left.
     """
-    points = support.points
-    few = points
+    few = points = support.points
     if len(points) > GATHERED_POINTS:
         few = points.select(np.sort(rng.choice(len(points), GATHERED_POINTS, replace=False)))
     gathered: list[TwoViewPose] = []
@@ -230,8 +232,7 @@ def curved_planes(posterior: Posterior) -> BoolArray:
     across = fit.epipolar_noise.total
     for index in np.flatnonzero(~gone):
         along = np.abs(fit.found.along[(plane == index) & (fit.robust_weights[0] > 0)])
-        scattered = len(along) > 0 and MAD_TO_SIGMA * quantile(along, 0.5) > max(MOST_SCATTER * across, SCATTER_PX)
-        gone[index] = scattered
+        gone[index] = len(along) > 0 and MAD_TO_SIGMA * quantile(along, 0.5) > max(MOST_SCATTER * across, SCATTER_PX)
     return gone
 
 

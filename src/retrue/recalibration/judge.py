@@ -32,7 +32,7 @@ from retrue.recalibration.candidates import (
 from retrue.recalibration.chance import deviations_limit, deviations_of_mixture, noise_of_planes
 from retrue.recalibration.consensus import quieter_majorities
 from retrue.recalibration.contradiction import MOST_DEVIATIONS, differing_capture
-from retrue.recalibration.fit import Support, carried, own_pose, squared_sigmas
+from retrue.recalibration.fit import Support, carried, own_pose, pose_difference
 from retrue.recalibration.hypotheses import hypothesis, without_parts
 from retrue.recalibration.lens import LENS_NAMES, LENS_PARAMETERS, stated_prior, wide_prior
 from retrue.recalibration.lens_evidence import LensEvidence, hidden_by_planes, lens_evidence
@@ -159,7 +159,9 @@ def judge(rig: Rig, captures: Sequence[Correspondences], options: RecalibrateOpt
     turned = np.zeros(len(rays), dtype=np.bool_)
     if np.count_nonzero(turned_over(few.points, neighbours, noise)) > max(FEWEST_OF_A_PART, LEAST_TURNED * len(few)):
         turned = turned_over(rays.points, nearest_points(rays), noise)
-    rays, homographies = with_planes(rays, rig, options, rng, turned)
+    photographs = all(capture.card is not None and capture.card.counted == "features" for capture in captures)
+    loudest = loudest_px(captures, options.max_noise_px) if photographs else options.max_noise_px
+    rays, homographies = with_planes(rays, rig, replace(options, max_noise_px=loudest), rng, turned)
     few = rays.select(~turned).thinned(COMPARED_POINTS, rng)
     neighbours, old = nearest_points(few), own_pose(rig)
     uneven = noise_covariance(homography_residuals(few.points, homographies), few.points.plane_index, neighbours)
@@ -168,7 +170,6 @@ def judge(rig: Rig, captures: Sequence[Correspondences], options: RecalibrateOpt
     wide = wide_prior(rig, tight)
     prior = Prior(wide, free=True) if options.lens == "may-have-changed" else Prior(tight)
     starts = [Parameters.of(fit.pose) for fit in foremost(fits, few.points)]
-    photographs = all(capture.card is not None and capture.card.counted == "features" for capture in captures)
     light = light_of(rig, captures, few)
     while True:
         measured = _measured(rig, captures, few, homographies, neighbours, options.flatness_sigma, photographs)
@@ -263,7 +264,6 @@ def judge(rig: Rig, captures: Sequence[Correspondences], options: RecalibrateOpt
     nearer = move_if_exchanged(rig, captures, answer, old, options)
     exchanged = None if nearer is None else (move_deg(answer.pose, old), nearer)
     differing = differing_capture(whole, rays, answer)
-    loudest = loudest_px(captures, options.max_noise_px) if photographs else options.max_noise_px
     near = tuple(near_rivals(answer, rivals, rig, options))
     slow = taken_up(answer)
     covariance = answer.covariance + slow.covariance + spread(answer, near)
@@ -336,8 +336,9 @@ def drift(rig: Rig, judgement: Judgement, options: RecalibrateOptions) -> float:
     for fit, slow in possible:
         there = carried(old, fit.pose)
         covariances = fit.covariance + there @ own @ there.T + slow.covariances
-        squares = [squared_sigmas(old, fit.pose, covariance) for covariance in covariances]
-        found.append(deviations_of_mixture(slow.weights, np.sqrt(squares)))
+        difference = pose_difference(old, fit.pose)
+        solved = np.linalg.solve(covariances, difference[:, None])[..., 0]
+        found.append(deviations_of_mixture(slow.weights, np.sqrt([one @ difference for one in solved])))
     return min(found)
 
 

@@ -8,7 +8,7 @@ import numpy as np
 
 from retrue.geometry.arrays import BoolArray, FloatArray, IntArray
 from retrue.geometry.camera import Camera
-from retrue.geometry.two_view import FREE, TwoViewPoints
+from retrue.geometry.two_view import FREE, PlaneBows, TwoViewPoints
 from retrue.kernels import lenses as kernel
 from retrue.recalibration.fit import Support
 from retrue.recalibration.lens import LENS_PARAMETERS, lens_numbers
@@ -54,10 +54,9 @@ class Measured:
     def __len__(self) -> int:
         return len(self.camera_px)
 
-    @property
-    def bends(self) -> FloatArray:
-        """(N, 3) share of its plane's disparity that each bow moves a point by."""
-        return self.shapes * self.flatness
+    def bowed(self, bows: FloatArray) -> PlaneBows:
+        """Planes by those bows (P, 3), and what share of its plane's disparity each moves a point by."""
+        return self.shapes * self.flatness, np.ascontiguousarray(bows)
 
     def seen(self, lens: FloatArray) -> TwoViewPoints:
         """The rays through changed lenses (8,); their noise is one of pixels."""

@@ -77,8 +77,7 @@ class Parameters:
 
     def without_planes(self, gone: BoolArray) -> Parameters:
         """The same without those planes (P,)."""
-        pose = replace(self.pose, planes=self.pose.planes[~gone])
-        return replace(self, pose=pose, bows=self.bows[~gone])
+        return replace(self, pose=replace(self.pose, planes=self.pose.planes[~gone]), bows=self.bows[~gone])
 
     def moved(self, step: FloatArray) -> Parameters:
         """By a step of the pose and planes (5 + 3 P), the lenses (8) and the bows (3 P)."""
@@ -177,6 +176,13 @@ class Posterior:
     def pose(self) -> TwoViewPose:
         """R, unit t, planes."""
         return self.parameters.pose
+
+    @cached_property
+    def turns(self) -> tuple[FloatArray, FloatArray]:
+        """`Measured.turns` where the equations are made."""
+        bows = self.measured.bowed(self.parameters.bows)
+        rays = corrected_rays(self.pose, self.points, self.fit.weights, bows)
+        return self.measured.turns(self.parameters.lens, rays)
 
     @cached_property
     def covariance(self) -> FloatArray:
@@ -282,9 +288,8 @@ class Posterior:
         """(8, 8) what the points alone say of both lenses, all else being free."""
         own, lens = self.own_and_lens
         cross = self.information[np.ix_(own, lens)]
-        told = self.information[np.ix_(lens, lens)] - cross.T @ solve_normal_equations(
-            self.information[np.ix_(own, own)], cross
-        )
+        settled = solve_normal_equations(self.information[np.ix_(own, own)], cross)
+        told = self.information[np.ix_(lens, lens)] - cross.T @ settled
         return (told + told.T) / 2 - self.prior.lens.precision
 
     @property
@@ -373,8 +378,7 @@ def _cost(fit: Posterior, reference: Posterior) -> float:
 def posterior_at(measured: Measured, parameters: Parameters, prior: Prior) -> Posterior:
     """Residuals, noise and weights at one place of the parameters; normal equations when they are asked for."""
     points = measured.seen(parameters.lens)
-    bows = measured.bends, np.ascontiguousarray(parameters.bows)
-    support = Support(points, measured.support.blocks)
+    support, bows = Support(points, measured.support.blocks), measured.bowed(parameters.bows)
     fit = evaluate(parameters.pose, support, bows, measured.aside, measured.noise_covariance)
     fit = without_chance(fit, measured.aside, measured.lone)
     fit = with_misfit(fit, measured) if measured.misfit > 0 else fit
@@ -383,17 +387,13 @@ def posterior_at(measured: Measured, parameters: Parameters, prior: Prior) -> Po
 
 def _equations(posterior: Posterior, lenses: bool) -> tuple[FloatArray, FloatArray]:
     """Information and gradient of pose, planes, lenses where they are asked for, and bows; priors included."""
-    parameters, prior, fit = posterior.parameters, posterior.prior, posterior.fit
-    pose, measured = parameters.pose, posterior.measured
-    bows = measured.bends, np.ascontiguousarray(parameters.bows)
-    turns = NO_TURNS
-    if lenses:
-        turns = measured.turns(parameters.lens, corrected_rays(pose, posterior.points, fit.weights, bows))
+    pose, prior, fit = posterior.pose, posterior.prior, posterior.fit
+    bows, turns = posterior.measured.bowed(posterior.parameters.bows), posterior.turns if lenses else NO_TURNS
     information, gradient = step_equations(pose, posterior.points, fit.weights, fit.found, turns, bows)
     if lenses:
         lens = slice(POSE_PARAMETERS + 3 * len(pose.planes), POSE_PARAMETERS + 3 * len(pose.planes) + LENSES)
         information[lens, lens] += prior.lens.precision
-        gradient[lens] += prior.lens.precision @ parameters.lens
+        gradient[lens] += prior.lens.precision @ posterior.parameters.lens
     if prior.pose is not None:
         there = carried(pose, prior.pose.pose)
         information[:POSE_PARAMETERS, :POSE_PARAMETERS] += there.T @ prior.pose.precision @ there

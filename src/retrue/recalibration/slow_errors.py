@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from retrue.geometry.arrays import FloatArray
-from retrue.geometry.two_view import PARAMETERS, POSE_PARAMETERS, corrected_rays, normal_blocks
+from retrue.geometry.two_view import PARAMETERS, POSE_PARAMETERS, normal_blocks
 from retrue.recalibration.posterior import LENSES, Posterior
 
 WAVES = 3  # along each side: half waves 0, 1 and 2
@@ -60,19 +60,16 @@ def _fields(answer: Posterior) -> FloatArray:
     """(K, N) the cosines, of RMS 1; (u, v) run over what is seen of the picture, to 1 along its longer side."""
     pixels = answer.measured.camera_px
     place = (pixels - pixels.min(axis=0)) / max(float(np.ptp(pixels, axis=0).max()), 1e-300)
-    waves = np.cos(np.pi * np.arange(WAVES)[:, None, None] * place)
-    waves[1:] *= np.sqrt(2)
+    waves = np.ones((WAVES, *place.shape))
+    waves[1:] = np.cos(np.pi * np.arange(1, WAVES)[:, None, None] * place) * np.sqrt(2)
     return (waves[:, None, :, 0] * waves[None, :, :, 1]).reshape(-1, len(pixels))
 
 
 def _equations(answer: Posterior, fields: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
     """C (S, K), F^T W F (K, K) and F^T W r (K,); across its line no point knows its plane, nor how that is bowed."""
-    parameters, fit, count = answer.parameters, answer.fit, len(fields)
-    bows = answer.measured.bends, np.ascontiguousarray(parameters.bows)
-    turns = answer.measured.turns(parameters.lens, corrected_rays(answer.pose, answer.points, fit.weights, bows))
-    columns = np.zeros((count + 1, *fit.weights.shape))
-    columns[:count, 0], columns[count] = fields, fit.found.both
-    blocks = normal_blocks(answer.pose, answer.points, fit.weights, columns, turns, bows).sum(axis=0)
+    fit, count, bows = answer.fit, len(fields), answer.measured.bowed(answer.parameters.bows)
+    columns = np.concatenate([fields, fit.found.epipolar[None]])[:, None]
+    blocks = normal_blocks(answer.pose, answer.points, fit.weights, columns, answer.turns, bows)[-1]
     last = PARAMETERS + count
     found, lenses = slice(PARAMETERS, last), slice(last + 1, last + 1 + LENSES)
     cross = np.zeros((len(answer.gradient), count))

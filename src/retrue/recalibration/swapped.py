@@ -45,7 +45,8 @@ def move_if_exchanged(
 ) -> float | None:
     """How far the rig moved, degrees, if its devices were exchanged.
 
-    None where that explains nothing better, or the pixels of the one are none of the other.
+    None where that explains nothing better, is itself louder than an answer may be, or the pixels of the one are none
+    of the other.
     """
     moved = move_deg(answer.pose, old)
     if not moved > FAR_MOVE_DEG:
@@ -61,6 +62,7 @@ def move_if_exchanged(
         fits = refined_poses(starts, Support.of(rays), rng)
     except DegenerateError:
         return None
+    fits = [fit for fit in fits if fit.epipolar_noise.level <= options.max_noise_px]
     least = min(fit.epipolar_noise.level for fit in (answer.fit, *fits))
     own = _mean_cost(answer.fit, least)
     nearest = np.inf
