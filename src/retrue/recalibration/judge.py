@@ -16,15 +16,9 @@ from retrue.recalibration.all_points import apart_as_chosen, pulled_away, settle
 from retrue.recalibration.bent_planes import bent_planes
 from retrue.recalibration.bows import bow_shapes
 from retrue.recalibration.candidates import (
-    better_without_planes,
     check_spread,
-    curved_planes,
     foremost,
     match_noise,
-    misleading_plane,
-    much_quieter,
-    needless_planes,
-    quieter,
     refined_poses,
     starting_poses,
     with_planes,
@@ -32,6 +26,14 @@ from retrue.recalibration.candidates import (
 from retrue.recalibration.chance import deviations_limit, deviations_of_mixture, noise_of_planes
 from retrue.recalibration.consensus import quieter_majorities
 from retrue.recalibration.contradiction import MOST_DEVIATIONS, differing_capture
+from retrue.recalibration.doubtful_planes import (
+    better_without_planes,
+    curved_planes,
+    misleading_plane,
+    much_quieter,
+    needless_planes,
+    quieter,
+)
 from retrue.recalibration.fit import Support, carried, own_pose, pose_difference
 from retrue.recalibration.hypotheses import hypothesis, without_parts
 from retrue.recalibration.lens import LENS_NAMES, LENS_PARAMETERS, stated_prior, wide_prior

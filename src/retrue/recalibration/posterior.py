@@ -268,8 +268,8 @@ class Posterior:
         from retrue.recalibration.rivals import hidden
 
         back = behind(self.pose, self.points, self.fit.epipolar_noise.level)
-        copies = self.parts if self.measured.textured else []
-        return np.any([back, hidden(self), *(part.rows for part in copies if part.seen_through)], axis=0)
+        copies = [part.rows for part in self.parts if part.seen_through] if self.measured.textured else []
+        return np.any([back, hidden(self), *copies], axis=0)
 
     @cached_property
     def parts(self) -> list[Part]:
