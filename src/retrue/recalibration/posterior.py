@@ -371,8 +371,7 @@ def improved(here: Posterior, iterations: int) -> Posterior:
 
 def _cost(fit: Posterior, reference: Posterior) -> float:
     """In the noise of the reference, which a step is taken in."""
-    families = zip(fit.fit.found.both, reference.fit.noises, strict=True)
-    return sum(total_loss(*family) for family in families) + fit.prior_cost
+    return sum(total_loss(*one) for one in zip(fit.fit.found.both, reference.fit.noises, strict=True)) + fit.prior_cost
 
 
 def posterior_at(measured: Measured, parameters: Parameters, prior: Prior) -> Posterior:
