@@ -11,7 +11,7 @@ from retrue.correspondences import Card, Correspondences
 from retrue.geometry.camera import Camera
 from retrue.geometry.transform import RigidTransform, direction_angle, rotation_angle
 from retrue.geometry.two_view import FREE, TwoViewPose
-from retrue.recalibration import candidates
+from retrue.recalibration import doubtful_planes
 from retrue.recalibration.bent_planes import bent_planes
 from retrue.recalibration.bows import bow_shapes
 from retrue.recalibration.fit import Support
@@ -105,10 +105,10 @@ def test_points_alone_take_planes_away_where_they_are_no_louder(louder: bool, mo
     wrong = fit_posterior(right.measured, off, right.prior, 0)
     alone = (wrong if louder else right).parameters.without_planes(np.ones(2, dtype=np.bool_))
     monkeypatch.setattr(
-        candidates, "fit_posterior", lambda measured, _, prior, __: posterior_at(measured, alone, prior)
+        doubtful_planes, "fit_posterior", lambda measured, _, prior, __: posterior_at(measured, alone, prior)
     )
-    monkeypatch.setattr(candidates, "squared_sigmas", lambda *_: 100.0)
-    gone = candidates.needless_planes(right if louder else wrong, LENSES.covariance)
+    monkeypatch.setattr(doubtful_planes, "squared_sigmas", lambda *_: 100.0)
+    gone = doubtful_planes.needless_planes(right if louder else wrong, LENSES.covariance)
     assert gone.tolist() == [not louder] * 2
 
 
@@ -125,4 +125,4 @@ def test_copies_of_a_plane_are_no_points_that_only_a_pose_without_planes_explain
     planes = posterior_at(measured, right.parameters, right.prior)
     alone = posterior_at(measured, right.parameters, right.prior)
     alone = replace(alone, fit=replace(alone.fit, robust_weights=np.ones((2, len(rays)))))
-    assert candidates._explains_more(alone, planes) == (not textured)
+    assert doubtful_planes._explains_more(alone, planes) == (not textured)

@@ -113,7 +113,8 @@ def split_planes(
         found = largest_plane(camera_rays[left], projector_rays[left], noise, fewest, rng, thorough)
         if found is None and not homographies:  # where most neighbours are wrong, noise is less than they say
             noise /= 2
-            found = largest_plane(camera_rays, projector_rays, noise, fewest, rng, thorough)
+            apart = rng.spawn(1)[0]  # scenes without planes draw what they did
+            found = largest_plane(camera_rays, projector_rays, noise, fewest, apart, thorough)
         if found is None:
             break
         plane_index[left[found.inliers]] = len(homographies)
