@@ -161,9 +161,7 @@ def judge(rig: Rig, captures: Sequence[Correspondences], options: RecalibrateOpt
     turned = np.zeros(len(rays), dtype=np.bool_)
     if np.count_nonzero(turned_over(few.points, neighbours, noise)) > max(FEWEST_OF_A_PART, LEAST_TURNED * len(few)):
         turned = turned_over(rays.points, nearest_points(rays), noise)
-    photographs = all(capture.card is not None and capture.card.counted == "features" for capture in captures)
-    loudest = loudest_px(captures, options.max_noise_px) if photographs else options.max_noise_px
-    rays, homographies = with_planes(rays, rig, replace(options, max_noise_px=loudest), rng, turned)
+    rays, homographies = with_planes(rays, rig, options, rng, turned)
     few = rays.select(~turned).thinned(COMPARED_POINTS, rng)
     neighbours, old = nearest_points(few), own_pose(rig)
     uneven = noise_covariance(homography_residuals(few.points, homographies), few.points.plane_index, neighbours)
@@ -172,6 +170,7 @@ def judge(rig: Rig, captures: Sequence[Correspondences], options: RecalibrateOpt
     wide = wide_prior(rig, tight)
     prior = Prior(wide, free=True) if options.lens == "may-have-changed" else Prior(tight)
     starts = [Parameters.of(fit.pose) for fit in foremost(fits, few.points)]
+    photographs = all(capture.card is not None and capture.card.counted == "features" for capture in captures)
     light = light_of(rig, captures, few)
     while True:
         measured = _measured(rig, captures, few, homographies, neighbours, options.flatness_sigma, photographs)
@@ -266,6 +265,7 @@ def judge(rig: Rig, captures: Sequence[Correspondences], options: RecalibrateOpt
     nearer = move_if_exchanged(rig, captures, answer, old, options)
     exchanged = None if nearer is None else (move_deg(answer.pose, old), nearer)
     differing = differing_capture(whole, rays, answer)
+    loudest = loudest_px(captures, options.max_noise_px) if photographs else options.max_noise_px
     near = tuple(near_rivals(answer, rivals, rig, options))
     slow = taken_up(answer)
     covariance = answer.covariance + slow.covariance + spread(answer, near)
