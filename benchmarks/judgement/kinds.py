@@ -220,6 +220,7 @@ NOISE = {
     "uneven noise, wall": Kind(("wall",), noise=uneven_noise),
     "uneven noise, rich": Kind(RICH, noise=uneven_noise),
     "uneven noise, no plane": Kind(NO_PLANE, noise=uneven_noise),
+    "uneven noise, wrong 30 %": Kind(("wall",), noise=uneven_noise, spoil=_wrong(0.3)),
     "heavy tails, wall": Kind(("wall",), noise=heavy_tails),
     "heavy tails, rich": Kind(RICH, noise=heavy_tails),
 }

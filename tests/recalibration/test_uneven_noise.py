@@ -105,3 +105,17 @@ def test_neither_of_two_poses_gains_by_lines_that_cross_the_axis_of_the_noise() 
         right, wrong = (posterior_at(alone, fit.parameters.without_planes(none), fit.prior) for fit in twins)
         gained.append(float(right.losses.sum() - wrong.losses.sum()))
     assert abs(np.mean(gained)) < 3 * np.sqrt(4 * len(exact) / len(gained))  # of two sums of squares, by chance
+
+
+@pytest.mark.parametrize("seed", [0, 6, 7, 15, 16, 23])
+def test_wrong_matches_cost_each_pose_the_same_whatever_noise_is(seed: int) -> None:
+    """Of 24 seeds, those where less noise was expected of them, too, and one of a wall's poses had 24 nats or more."""
+    rng = np.random.default_rng(seed)
+    wall = capture(Scene(), noise=0.0, seed=seed, grid=(40, 30), area=(0.4, 0.7, 0.4, 0.7))
+    points = louder(wall, rng.uniform(0, np.pi), 2.5, 0.05, rng)
+    projector_px, wrong = points.projector_px.copy(), rng.random(len(points)) < 0.3
+    projector_px[wrong] = rng.uniform(0, 1, (np.count_nonzero(wrong), 2)) * RIG.projector.size
+    judged = judge(
+        bumped(RIG, [1, 1, 1], [1, 1, 1]), [replace(points, projector_px=projector_px)], RecalibrateOptions()
+    )
+    assert abs(min(judged.rivals, key=lambda rival: rival.margin).points) < RecalibrateOptions().min_margin

@@ -32,7 +32,8 @@ def negative_log_likelihood(fit: PoseFit, measured: Measured) -> FloatArray:
         own = level**2 * max(within, 0.0) + MISFIT_PX**2
         together = numbers * (noise.shared**2 * noise.alikeness)
         of_block = means**2 / (own + together) + np.log1p(together / own) / np.maximum(numbers, 1.0) + np.log(own)
-        loss[:] = biweight_loss((values - means[block + 1]) / np.sqrt(own)) + of_block[block + 1] - expected
+        loss[:] = biweight_loss((values - means[block + 1]) / np.sqrt(own)) + of_block[block + 1]
+        loss[weights > 0] -= expected
         loss[block < 0] = 0.0
     return found
 
@@ -41,7 +42,8 @@ def _expected(fit: PoseFit) -> FloatArray:
     """(2,) what residuals cost that are all noise, less what they do where noise is alike along all axes.
 
     Of usual variance v about its lines a family costs v / (v + m^2) + log(v + m^2), m being the misfit of real lenses.
-    By how much that differs from pose to pose, because noise is louder along one axis, is no evidence for either.
+    By how much that differs from pose to pose, because noise is louder along one axis, is no evidence for either. What
+    a pose does not explain costs what it does, whatever noise is.
     """
     if fit.uneven is None:
         return np.zeros(2)
