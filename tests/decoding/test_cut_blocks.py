@@ -57,6 +57,17 @@ def test_whole_blocks_stay():
     assert np.allclose(found.doubt[1:-1, 1:-1], DOUBT)
 
 
+@pytest.mark.parametrize("seed", range(40))
+def test_no_clutter_beyond_an_edge_moves_a_block_further_than_a_cut_does(seed):
+    """What stands there may look like sides of blocks; five of these made steps that grew from round to round."""
+    picture = drawn(lambda x, y: x < 0)
+    coarse = np.random.default_rng(seed).integers(0, 255, (17, 17, 3), dtype=np.uint8)
+    column = int(centres()[0, -1, 0]) - 2
+    picture[:, column:] = np.kron(coarse, np.ones((8, 8, 1), np.uint8))[: len(picture), column : len(picture)]
+    found = placed(picture, np.zeros((SIDE, SIDE, 2)))
+    assert np.abs(found.position - centres()).max() < PITCH / 4
+
+
 def test_an_edge_aslant_moves_both_coordinates_no_more_than_they_are_off():
     corner = centres()[0, -1]
     found = placed(drawn(lambda x, y: (x - corner[0]) - (y - corner[1]) > HALF), np.zeros((SIDE, SIDE, 2)))

@@ -52,11 +52,14 @@ def at_rims(picture: Image, surfaces: Surfaces, duty: float) -> Surfaces:
     noise = max(median(np.abs(apart[told]).ravel()) / 0.6745, LEAST_NOISE)
 
     rim &= _may_be_cut(apart, outward, noise)
-    shift = np.zeros((*position.shape, 2))
+    shift, near = np.zeros((*position.shape, 2)), np.ones(outward.shape, dtype=np.bool_)
+    farthest = MOST * lengths(steps)
     for _ in range(ROUNDS):
         by_side: FloatArray = np.where(outward > 0, apart[..., 0], apart[..., 1])
         off: FloatArray = np.where(outward != 0, by_side, apart.mean(axis=-1))
         shift += off[..., None] * steps
+        near &= lengths(shift) < farthest  # no cut moves a block further: it stays, and its step is none to others
+        shift[~near] = 0.0
         apart, steps = sides.apart(position + shift.sum(axis=2), rim)
     pitches: FloatArray = np.where(rim[..., None], lengths(steps), 1.0)
     bend = lengths(bends(position + shift.sum(axis=2), joints)) / pitches
