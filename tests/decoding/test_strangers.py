@@ -62,12 +62,16 @@ def test_a_cue_that_is_no_whole_number_of_periods():
     assert np.abs(errors(shot, points)).max() < 4
 
 
+def through_a_curve(pictures):
+    """Blurred, and then as a camera that shows the dark brighter."""
+    blurred = [cv2.GaussianBlur(own, (0, 0), 1.5) for own in pictures]
+    return [np.rint(255 * (own / 255) ** 0.45).astype(np.uint8) for own in blurred]
+
+
 def test_a_camera_s_curve_is_no_noise():
     frames = both(lambda axis, side: gray_frames(axis, range(9)[::-1], inverses=True))
     shot = shot_of([*LIGHTS, *frames], noise=0.0)
-    blurred = [cv2.GaussianBlur(own, (0, 0), 1.5) for own in shot.pictures]
-    curved = [np.rint(255 * (own / 255) ** 0.45).astype(np.uint8) for own in blurred]
-    points = decode(shot.pattern, curved)
+    points = decode(shot.pattern, through_a_curve(shot.pictures))
     assert len(points) > 0.3 * CAMERA[0] * CAMERA[1]
     assert np.mean(np.abs(errors(shot, points)).max(axis=1) > 4) < 1e-3
 
@@ -75,9 +79,7 @@ def test_a_camera_s_curve_is_no_noise():
 def test_stripes_as_wide_as_a_period_tell_its_turn_through_a_camera_s_curve():
     frames = both(lambda axis, side: [*bits(axis, side, 4), *sine_frames(axis, 16.0, 8)])
     shot = shot_of([*LIGHTS, *frames], noise=0.0)
-    blurred = [cv2.GaussianBlur(own, (0, 0), 1.5) for own in shot.pictures]
-    curved = [np.rint(255 * (own / 255) ** 0.45).astype(np.uint8) for own in blurred]
-    points = decode(shot.pattern, curved)
+    points = decode(shot.pattern, through_a_curve(shot.pictures))
     assert len(points) > 0.9 * CAMERA[0] * CAMERA[1]
     assert np.mean(np.abs(errors(shot, points)).max(axis=1) > 4) < 1e-3
 

@@ -11,12 +11,12 @@ from retrue.correspondences import Correspondences
 from retrue.geometry.nearest import nearest_of_all
 from retrue.geometry.transform import direction_angle, rotation_angle, vector_from_rotation
 from retrue.geometry.two_view import FREE, TwoViewPoints, tangent_basis
-from retrue.recalibration.chance import beyond_chance, noise_of_planes, without_chance
+from retrue.recalibration.chance import beyond_chance, without_chance
 from retrue.recalibration.fit import Support, evaluate
 from retrue.recalibration.judge import judge
 from retrue.recalibration.lens import stated_prior
 from retrue.recalibration.options import RecalibrateOptions
-from retrue.recalibration.parts import homography_residuals, shifted_copy, unexplained
+from retrue.recalibration.parts import homography_residuals, noise_of_planes, shifted_copy, unexplained
 from retrue.recalibration.posterior import Prior, posterior_at
 from retrue.recalibration.rays import rays_of_captures
 from retrue.recalibration.recalibrate import recalibrate
@@ -258,7 +258,6 @@ def test_single_points_near_their_neighbours_plane_are_its_noise() -> None:
     off[number[11:14, 4:7].ravel()], off[bent] = [5.0, 0.0], [7.0, 0.0]
     plane = np.zeros(300, dtype=np.int64)
     plane[[single, far, *together, bent]] = FREE
-    points = TwoViewPoints(x, x, *np.ones((2, 300)), plane)
-    neighbours = nearest_of_all(x, x, 5)[1][:, 1:]
-    found = noise_of_planes(points, lambda _: off, neighbours, np.array([1.0]))
+    points = TwoViewPoints(x, x + off, np.zeros(300), np.ones(300), plane)
+    found = noise_of_planes(points, [np.eye(3)], nearest_of_all(x, x, 5)[1][:, 1:], [1.0])
     assert np.flatnonzero(found).tolist() == [single]

@@ -2,17 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import replace
 from math import erfc, exp, log, pi, sqrt
 from typing import Any
 
 import numpy as np
 
-from retrue.geometry.arrays import BoolArray, FloatArray, IntArray
+from retrue.geometry.arrays import BoolArray, FloatArray
 from retrue.geometry.nearest import nearest_of_all
 from retrue.geometry.robust import CUTOFF, count_between, silenced
-from retrue.geometry.two_view import FREE, Residuals, TwoViewPoints, behind
+from retrue.geometry.two_view import FREE, Residuals, behind
 from retrue.recalibration.fit import PoseFit
 
 CHANCE = 3.5  # standard deviations of a sum over points that are there by chance
@@ -48,32 +47,6 @@ def without_chance(fit: PoseFit, aside: BoolArray | None, lone: BoolArray | None
         return fit
     both, weights = silenced(fit.found.both, fit.robust_weights, silent)
     return replace(fit, found=Residuals(both), robust_weights=weights)
-
-
-def noise_of_planes(
-    points: TwoViewPoints, missed: Callable[[IntArray], FloatArray], neighbours: IntArray, levels: FloatArray
-) -> BoolArray:
-    """(N,) points off all planes that may be the noise of one: it has their neighbours, and they are not far from it.
-
-    A surface shows more than one of its points, and what is bent leaves its neighbours' plane little by little; noise
-    has long tails, often along one axis. `missed` (N, 2) is what the homographies of given planes (N,) leave, `levels`
-    (P,) how loud each is.
-    """
-    plane = points.plane_index
-    found = np.zeros(len(plane), dtype=np.bool_)
-    if not (len(levels) and neighbours.size):
-        return found
-    around = np.sort(plane[neighbours], axis=1)  # three of four alike: those in the middle are, and one beside them
-    own = around[:, 1]
-    alike = (own == around[:, 2]) & ((own == around[:, 0]) | (own == around[:, 3]))
-    rows = np.flatnonzero((plane == FREE) & alike & (own != FREE))
-    from_plane = missed(np.where(plane == FREE, own, plane))
-    beside = neighbours[rows]
-    there = (plane[beside] == own[rows, None])[..., None]
-    around_it = np.where(there, from_plane[beside], 0.0).sum(axis=1) / there.sum(axis=1)
-    distance, alone = np.hypot(*from_plane[rows].T), np.hypot(*(from_plane[rows] - around_it).T)
-    found[rows] = (distance < FAR * levels[own[rows]]) & (alone > CUTOFF * levels[own[rows]])
-    return found
 
 
 def lined_up(relative: FloatArray) -> float:

@@ -88,7 +88,7 @@ class PoseFit:
     found : residuals at the pose.
     epipolar_noise, along_noise : levels of both families.
     robust_weights : (2, N) of both, 0 .. 1.
-    uneven : how much louder each is than usual, where noise is louder along one axis of the projector; else None.
+    noise_covariance : (2, 2) of a match's noise along the projector's axes, up to a factor; None where it is alike.
     """
 
     pose: TwoViewPose
@@ -97,7 +97,7 @@ class PoseFit:
     epipolar_noise: Noise
     along_noise: Noise
     robust_weights: FloatArray
-    uneven: LineNoise | None = None
+    noise_covariance: FloatArray | None = None
 
     @cached_property
     def covariance(self) -> FloatArray:
@@ -128,6 +128,11 @@ class PoseFit:
         for family, noise, own in zip(self.robust_weights, self.noises, weights, strict=True):
             np.divide(family, noise.variance, out=own)
         return weights
+
+    @cached_property
+    def uneven(self) -> LineNoise | None:
+        """How loud each is about its own line, where noise is louder along one axis than across it."""
+        return None if self.noise_covariance is None else line_noise(self.pose, self.points, self.noise_covariance)
 
     @cached_property
     def alike(self) -> FloatArray:
@@ -194,12 +199,9 @@ def evaluate(
     support: Support,
     bows: PlaneBows = NO_BOWS,
     aside: BoolArray | None = None,
-    covariance: FloatArray | None = None,
+    noise_covariance: FloatArray | None = None,
 ) -> PoseFit:
-    """Residuals, noise and weights at a pose; rows (N,) set aside leave no residual.
-
-    `covariance` (2, 2) is that of a match's noise along the projector's axes, up to a factor; None where it is alike.
-    """
+    """Residuals, noise and weights at a pose; rows (N,) set aside leave no residual."""
     found = residuals(pose, support.points, bows)
     if aside is not None:
         found.both[:, aside] = np.nan
@@ -208,10 +210,9 @@ def evaluate(
     freedom = count - POSE_PARAMETERS - 3 * len(pose.planes)
     if freedom < 1:
         raise DegenerateError("pose: fewer measurements than unknowns; more correspondences are needed")
-    uneven = None if covariance is None else line_noise(pose, support.points, covariance)
     levels = _levels(found, on_plane, count / freedom)
     (across, along), robust_weights = noises_and_weights(found.both, levels, support.blocks, BLOCKS)
-    return PoseFit(pose, support.points, found, across, along, robust_weights, uneven)
+    return PoseFit(pose, support.points, found, across, along, robust_weights, noise_covariance)
 
 
 def chi_square(fit: PoseFit, reference: PoseFit) -> FloatArray:

@@ -23,7 +23,7 @@ from retrue.recalibration.candidates import (
     starting_poses,
     with_planes,
 )
-from retrue.recalibration.chance import deviations_limit, deviations_of_mixture, noise_of_planes
+from retrue.recalibration.chance import deviations_limit, deviations_of_mixture
 from retrue.recalibration.consensus import quieter_majorities
 from retrue.recalibration.contradiction import MOST_DEVIATIONS, differing_capture
 from retrue.recalibration.doubtful_planes import (
@@ -49,6 +49,7 @@ from retrue.recalibration.parts import (
     belongs_to,
     homography_residuals,
     most_unexplained,
+    noise_of_planes,
     other_part,
     other_parts,
     parts_apart,
@@ -174,7 +175,8 @@ def judge(rig: Rig, captures: Sequence[Correspondences], options: RecalibrateOpt
     light = light_of(rig, captures, few)
     while True:
         measured = _measured(rig, captures, few, homographies, neighbours, options.flatness_sigma, photographs)
-        measured = replace(measured, noise_covariance=uneven, lone=_lone(measured, homographies))
+        lone = noise_of_planes(few.points, homographies, neighbours, plane_levels(measured))
+        measured = replace(measured, noise_covariance=uneven, lone=lone)
         hypotheses = [hypothesis(measured, start, prior, tight, homographies) for start in starts]
         posteriors = [one.better() for one in hypotheses]
         majorities = quieter_majorities(measured, posteriors, noise, local, prior, tight, homographies, rng)
@@ -382,13 +384,3 @@ def _measured(
     return Measured(
         rig, camera_px, projector_px, Support.of(rays), shapes, flatness, neighbours, 0.0, missed, textured=textured
     )
-
-
-def _lone(measured: Measured, homographies: list[FloatArray]) -> BoolArray:
-    """`noise_of_planes` of what is compared."""
-    points = measured.support.points
-
-    def missed(plane: IntArray) -> FloatArray:
-        return homography_residuals(replace(points, plane_index=plane), homographies)
-
-    return noise_of_planes(points, missed, measured.neighbours, np.array(plane_levels(measured)))

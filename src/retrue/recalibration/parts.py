@@ -14,6 +14,7 @@ from retrue.geometry.two_view import FREE, POSE_PARAMETERS, TwoViewPoints, epipo
 from retrue.kernels import robust as robust_kernel
 from retrue.kernels import triangulation as kernel
 from retrue.recalibration.candidates import behind
+from retrue.recalibration.chance import FAR
 from retrue.recalibration.posterior import Measured, Posterior
 from retrue.recalibration.shifts import PlaneShifts, shifts_from_planes
 
@@ -95,6 +96,31 @@ def homography_residuals(points: TwoViewPoints, homographies: Sequence[FloatArra
     sigmas = np.ascontiguousarray(points.camera_sigma), np.ascontiguousarray(points.projector_sigma)
     kernel.missed(stack, np.ascontiguousarray(points.plane_index), *rays, *sigmas, missed)
     return missed
+
+
+def noise_of_planes(
+    points: TwoViewPoints, homographies: Sequence[FloatArray], neighbours: IntArray, levels: Sequence[float]
+) -> BoolArray:
+    """(N,) points off all planes that may be the noise of one: it has their neighbours, and they are not far from it.
+
+    A surface shows more than one of its points, and what is bent leaves its neighbours' plane little by little; noise
+    has long tails, often along one axis. `neighbours` (N, 4) are the nearest points; `levels`, how loud each plane is.
+    """
+    plane, loud = points.plane_index, np.array(levels)
+    found = np.zeros(len(plane), dtype=np.bool_)
+    if not (len(homographies) and neighbours.size):
+        return found
+    around = np.sort(plane[neighbours], axis=1)  # three of four alike: those in the middle are, and one beside them
+    own = around[:, 1]
+    alike = (own == around[:, 2]) & ((own == around[:, 0]) | (own == around[:, 3]))
+    rows = np.flatnonzero((plane == FREE) & alike & (own != FREE))
+    missed = homography_residuals(replace(points, plane_index=np.where(plane == FREE, own, plane)), homographies)
+    beside = neighbours[rows]
+    there = (plane[beside] == own[rows, None])[..., None]
+    around_it = np.where(there, missed[beside], 0.0).sum(axis=1) / there.sum(axis=1)
+    distance, alone = np.hypot(*missed[rows].T), np.hypot(*(missed[rows] - around_it).T)
+    found[rows] = (distance < FAR * loud[own[rows]]) & (alone > CUTOFF * loud[own[rows]])
+    return found
 
 
 def planes_apart(posterior: Posterior, outside: BoolArray, missed: FloatArray) -> list[Part]:

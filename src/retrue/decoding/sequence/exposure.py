@@ -19,7 +19,7 @@ SHARES = [0.05 * k for k in range(10)]
 GAIN_ROUNDS = 40
 MISFIT = 0.05
 """Of the contrast: pattern and inverse of good pictures add up to the same within less."""
-BETTER = 0.7
+BETTER = 0.6
 """Of that misfit is left by a correction that is believed."""
 LEAST_GAIN = 0.1
 FEWEST_PAIRS = 3
