@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import os
 import subprocess
 import sys
 from pathlib import Path
@@ -53,6 +54,19 @@ def test_no_display_is_one_sentence(monkeypatch: pytest.MonkeyPatch):
         monkeypatch.delenv(name, raising=False)
     with pytest.raises(DeviceError, match=r"^screen 0: there is no display: log in to a desktop, or set DISPLAY"):
         WindowProjector(0).open()
+
+
+@needs_wayland
+def test_a_desktop_that_has_ended_is_one_sentence(tmp_path: Path):
+    write_png(tmp_path / "picture.png", np.zeros((600, 800, 3), np.uint8))
+    gone = {"WAYLAND_DISPLAY": "wayland-gone", "XDG_SESSION_TYPE": "wayland", "XDG_RUNTIME_DIR": str(tmp_path)}
+    environment = {name: value for name, value in os.environ.items() if name != "DISPLAY"} | gone
+    words = [sys.executable, "-c", *PROJECT, "picture.png"]
+    done = subprocess.run(words, cwd=tmp_path, env=environment, capture_output=True, text=True, check=False)
+    assert done.returncode == 2
+    assert (
+        done.stderr == "retrue: screen 0: there is no display: log in to a desktop, or set DISPLAY or WAYLAND_DISPLAY\n"
+    )
 
 
 def test_project_shows_each_picture_for_its_time_and_ends(tmp_path: Path):

@@ -165,7 +165,8 @@ def _address_of(glfw: Any) -> Any:
 
 def _starts() -> bool:
     """Whether GLFW lives: it reads through a null pointer on a Wayland desktop without a seat (3.4; glfw/glfw#2517)."""
-    return subprocess.run([sys.executable, "-c", "import glfw; glfw.init()"], check=False).returncode >= 0
+    tried = [sys.executable, "-W", "ignore", "-c", "import glfw; glfw.init()"]
+    return subprocess.run(tried, check=False).returncode >= 0
 
 
 def _counted(count: int) -> str:
