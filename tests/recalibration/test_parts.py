@@ -203,6 +203,26 @@ def test_wrong_matches_off_a_wall_move_no_pose_further_than_its_sigma() -> None:
     assert np.mean(errors) < 9  # 5 of chi-square with five degrees of freedom
 
 
+def stairs(seed: int) -> Correspondences:
+    """Four planes, step by step, with noise of long tails: each is a shifted copy of another, too."""
+    rng = np.random.default_rng(seed)
+    pixels = rng.uniform([300, 200], [1000, 760], (250, 2))
+    rays, unit = np.c_[RIG.camera.unproject(pixels), np.ones(250)], WALL[0] / np.linalg.norm(WALL[0])
+    step = np.floor(4 * (pixels[:, 0] - 300) / 700)
+    points = rays * (WALL[1] * (1 - 0.05 * step) / (rays @ unit))[:, None]
+    noise = 0.5 * rng.standard_t(3, (250, 2)) / np.sqrt(3)
+    return Correspondences(pixels + noise, RIG.projector.project(points @ POSE.R.T + POSE.t))
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_stairs_are_no_copies_of_one_plane(seed: int) -> None:
+    result = recalibrate(bumped(RIG, [2, -1, 1], [1, 1, 2]), [stairs(seed)])
+    assert isinstance(result, Accepted), str(result)
+    assert result.evidence.sigma is not None
+    off = np.degrees(rotation_angle(result.rig.projector_from_camera.R @ POSE.R.T))
+    assert off < 3 * result.evidence.sigma.rotation_deg
+
+
 def off_the_wall(right: int, wrong: int) -> np.ndarray:
     """Residuals of points off a wall, of which so many are right and the others lie anywhere."""
     measured, truth = measured_scene("wall")

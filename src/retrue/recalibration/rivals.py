@@ -276,7 +276,8 @@ def _point_evidence(best: Posterior, rival: Posterior, eased: Posterior, asides:
 
     A sum that a few points make, as chance would have it, counts less. Of a plane that both fit, the difference counts
     that is larger than what no model explains of a real wall, nor a slow error that one of them takes for a bow. What
-    has another explanation in both tells neither; nor does one of a few outliers in either cost more than it counts.
+    has another explanation in both tells neither; nor does one of a few outliers in either cost more than it counts:
+    what is left of the rival's price for its parts is held against the planes that the best has there instead.
     """
     shared, floor = _shared_plane(best, rival), Floor.of([best, rival])
     explained = cache(partial(explained_costs, asides=asides))  # hardly any is eased: most are asked for twice or more
@@ -284,12 +285,14 @@ def _point_evidence(best: Posterior, rival: Posterior, eased: Posterior, asides:
     held, own_price, own_parts, own = _cheapest([explained(fit, floor) for fit in (best, best.eased)], ~shared)
     elsewhere = (lost - held)[~(shared | given & own)]
     counts = beyond_chance(elsewhere)
-    told = float(elsewhere.sum()) * counts + min(price - own_price, 0.0)
+    told, unused = float(elsewhere.sum()) * counts, 0.0
     if not np.count_nonzero(given ^ own) < SAME_POINTS * np.count_nonzero(given | own):
         worth, own_worth = (
             counts * float((lost - held)[rows & ~shared].sum()) for rows in (given & ~own, own & ~given)
         )
-        told += min(parts, max(-worth, 0.0)) - min(own_parts, max(own_worth, 0.0))
+        used, own_used = min(parts, max(-worth, 0.0)), min(own_parts, max(own_worth, 0.0))
+        told, unused = told + used - own_used, parts - used
+    told += min(price + unused - own_price, 0.0)
     if shared.any():  # lenses may follow what is slow, or be what makes it: of both, what tells less
         pairs = dict.fromkeys([(best, rival), (best.eased, eased)])  # one, where none is eased
         told += min((_of_shared(*pair, explained, shared) for pair in pairs), key=abs)
