@@ -7,14 +7,17 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from retrue.errors import DegenerateError
 from retrue.geometry.arrays import BoolArray, FloatArray, IntArray
-from retrue.geometry.five_points import best_essentials, sampson_squares
+from retrue.geometry.five_points import best_essentials, poses_of_essential, sampson_squares
 from retrue.geometry.robust import CUTOFF, biweight_level, quantile, within_reach_of_mode
-from retrue.geometry.two_view import FREE, POSE_PARAMETERS, TwoViewPoints, epipolar_residuals
+from retrue.geometry.transform import skew
+from retrue.geometry.two_view import FREE, POSE_PARAMETERS, TwoViewPoints, TwoViewPose, epipolar_residuals
 from retrue.kernels import robust as robust_kernel
 from retrue.kernels import triangulation as kernel
 from retrue.recalibration.candidates import behind
 from retrue.recalibration.chance import FAR
+from retrue.recalibration.fit import gather
 from retrue.recalibration.posterior import Measured, Posterior
 from retrue.recalibration.shifts import PlaneShifts, shifts_from_planes
 
@@ -294,11 +297,22 @@ def other_part(posterior: Posterior, outside: BoolArray, rng: np.random.Generato
     found = best_essentials(points.camera_rays, points.projector_rays, [noise], draw, scored, MOST_SAMPLES)
     if not found:
         return None
-    E = found[0]
+    agree = sampson_squares(found[0], points.camera_rays, points.projector_rays) < (3 * noise) ** 2
+    E = _of_all(found[0], points.select(agree))
     agree = sampson_squares(E, points.camera_rays, points.projector_rays) < (3 * noise) ** 2
     if np.count_nonzero(agree) < max(FEWEST_OF_A_PART, SHARE_OF_A_PART * len(rows)):
         return None
     return part_of_essential(posterior, outside, E, 3 * noise)
+
+
+def _of_all(E: FloatArray, points: TwoViewPoints) -> FloatArray:
+    """The essential matrix (3, 3) of all those points, from that of five of them."""
+    anywhere = replace(points, plane_index=np.full(len(points), FREE))
+    try:
+        pose = gather(TwoViewPose(*poses_of_essential(E)[0]), anywhere)
+    except DegenerateError:
+        return E
+    return skew(pose.t) @ pose.R
 
 
 def other_parts(posteriors: Sequence[Posterior], rng: np.random.Generator) -> list[Part]:

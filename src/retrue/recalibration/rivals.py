@@ -16,10 +16,10 @@ from retrue.geometry.robust import CUTOFF, Noise, biweight_level, biweight_loss
 from retrue.geometry.transform import direction_angle, rotation_angle
 from retrue.geometry.two_view import FREE, TwoViewPose
 from retrue.recalibration.candidates import same_pose, twins_of
-from retrue.recalibration.chance import beyond_chance
+from retrue.recalibration.chance import CHANCE, beyond_chance
 from retrue.recalibration.light import light_costs, log_irradiance
 from retrue.recalibration.measured import MISFIT_PX
-from retrue.recalibration.parts import A_COPY, Part
+from retrue.recalibration.parts import A_COPY, Part, belongs_to
 from retrue.recalibration.posterior import Measured, Posterior, posterior_at, same_answer
 from retrue.recalibration.rays import Rays
 from retrue.rig import Rig
@@ -33,7 +33,6 @@ FEWEST_OF_A_PLANE = 12
 SELDOM = 1.7  # of chi-square, 2 log(.7 / .3): a point of a copy, a mirror, or what moved, is the rarer one
 RARE = 18.0  # of chi-square, 2 log 8000: so few captures have a copy, where a plane more is nothing strange
 ROUGH = 0.3  # of chi-square: what bows and lenses that no model holds make of a point on a plane
-SAME_POINTS = 0.1  # of two parts, at most, that are not of both
 APART = 10.0  # times the noise: nearer to the line where two planes meet, either may claim a point
 
 
@@ -106,7 +105,8 @@ def explained_costs(posterior: Posterior, floor: Floor, asides: Sequence[Part]) 
     plane = posterior.points.plane_index
     counts = np.bincount(plane[(plane != FREE) & (posterior.fit.robust_weights[1] > 0)], minlength=1)
     price, parts = posterior.prior_cost + 3 * PARAMETER * int(np.count_nonzero(counts >= FEWEST_OF_A_PLANE)), 0.0
-    worthy = [other for other in (*posterior.parts, *asides) if found[other.rows].clip(0.0).sum() > price_of(other)]
+    foreign = [other for other in asides if not belongs_to(posterior, other)]
+    worthy = [other for other in (*posterior.parts, *foreign) if found[other.rows].clip(0.0).sum() > price_of(other)]
     left = [(other, _costs_of_part(other, posterior, floor)) for other in worthy]
     given = np.zeros(len(found), dtype=np.bool_)
     while left:  # the part that gains most comes first: another may have the same points
@@ -275,9 +275,9 @@ def _point_evidence(best: Posterior, rival: Posterior, eased: Posterior, asides:
     """Nats, of the points and of what has to be taken for a part of its own.
 
     A sum that a few points make, as chance would have it, counts less. Of a plane that both fit, the difference counts
-    that is larger than what no model explains of a real wall, nor a slow error that one of them takes for a bow. What
-    has another explanation in both tells neither; nor does one of a few outliers in either cost more than it counts:
-    what is left of the rival's price for its parts is held against the planes that the best has there instead.
+    that is larger than what no model explains of a real wall, nor a slow error that one of them takes for a bow. Points
+    that are parts in both tell neither, but for what these parts cost. Parts cost what they cost; those of few points
+    cost no more than they gain over the other.
     """
     shared, floor = _shared_plane(best, rival), Floor.of([best, rival])
     explained = cache(partial(explained_costs, asides=asides))  # hardly any is eased: most are asked for twice or more
@@ -285,18 +285,19 @@ def _point_evidence(best: Posterior, rival: Posterior, eased: Posterior, asides:
     held, own_price, own_parts, own = _cheapest([explained(fit, floor) for fit in (best, best.eased)], ~shared)
     elsewhere = (lost - held)[~(shared | given & own)]
     counts = beyond_chance(elsewhere)
-    told, unused = float(elsewhere.sum()) * counts, 0.0
-    if not np.count_nonzero(given ^ own) < SAME_POINTS * np.count_nonzero(given | own):
-        worth, own_worth = (
-            counts * float((lost - held)[rows & ~shared].sum()) for rows in (given & ~own, own & ~given)
-        )
-        used, own_used = min(parts, max(-worth, 0.0)), min(own_parts, max(own_worth, 0.0))
-        told, unused = told + used - own_used, parts - used
-    told += min(price + unused - own_price, 0.0)
+    told = float(elsewhere.sum()) * counts + min(price - own_price, 0.0)
+    gained = np.where(shared, 0.0, counts * (held - lost))
+    told += _counted(parts, given, gained[given & ~own]) - _counted(own_parts, own, -gained[own & ~given])
     if shared.any():  # lenses may follow what is slow, or be what makes it: of both, what tells less
         pairs = dict.fromkeys([(best, rival), (best.eased, eased)])  # one, where none is eased
         told += min((_of_shared(*pair, explained, shared) for pair in pairs), key=abs)
     return 0.5 * told
+
+
+def _counted(price: float, given: BoolArray, gained: FloatArray) -> float:
+    """What parts of the points `given` (N,) cost: those of so few that chance makes them, no more than they gain."""
+    many = np.count_nonzero(given) >= CHANCE**2
+    return price if many else min(price, max(float(gained.sum()), 0.0))
 
 
 def _of_shared(
