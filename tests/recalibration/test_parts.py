@@ -223,6 +223,24 @@ def test_stairs_are_no_copies_of_one_plane(seed: int) -> None:
     assert off < 3 * result.evidence.sigma.rotation_deg
 
 
+@pytest.mark.parametrize("seed", range(6))
+def test_pins_on_a_wall_are_no_plane_that_alternates_with_it(seed: int) -> None:
+    """Each stands by itself, 3 to 10 mm of a metre off: the plane that they make is none, and its twin is no better."""
+    rng = np.random.default_rng(seed)
+    pixels = capture(Scene(), noise=0.0, grid=(24, 18), area=(0.4, 0.7, 0.4, 0.7)).camera_px
+    number, unit = np.arange(len(pixels)), WALL[0] / np.linalg.norm(WALL[0])
+    rays = np.c_[RIG.camera.unproject(pixels), np.ones(len(pixels))]
+    depth = WALL[1] / (rays @ unit)
+    pins = (number % 24 % 4 == 1) & (number // 24 % 4 == 1)
+    depth[pins] *= 1 - rng.uniform(0.003, 0.01, pins.sum())
+    seen = RIG.projector.project(POSE.apply(rays * depth[:, None]))
+    noise = rng.normal(0, 0.1, (2, *pixels.shape))
+    judgement = judge(
+        bumped(RIG, [1, 1, 1], [1, 1, 1]), [Correspondences(pixels + noise[0], seen + noise[1])], RecalibrateOptions()
+    )
+    assert np.degrees(rotation_angle(judgement.answer.pose.R @ POSE.R.T)) < 0.5
+
+
 def off_the_wall(right: int, wrong: int) -> np.ndarray:
     """Residuals of points off a wall, of which so many are right and the others lie anywhere."""
     measured, truth = measured_scene("wall")

@@ -7,12 +7,13 @@ from dataclasses import replace
 import numpy as np
 
 from retrue.errors import DegenerateError
-from retrue.geometry.arrays import BoolArray, FloatArray
+from retrue.geometry.arrays import BoolArray, FloatArray, IntArray
 from retrue.geometry.robust import CUTOFF, MAD_TO_SIGMA, quantile
-from retrue.geometry.two_view import epipolar_residuals
+from retrue.geometry.two_view import FREE, epipolar_residuals
 from retrue.recalibration.candidates import FEWEST_FREE, MOST, of_five_points
 from retrue.recalibration.fit import carried, refine, squared_sigmas
 from retrue.recalibration.measured import MISFIT_PX
+from retrue.recalibration.parts import plane_around
 from retrue.recalibration.posterior import Parameters, Posterior, Prior, fit_posterior, improved, posterior_at
 from retrue.recalibration.result import sigma_at, working_distance
 
@@ -34,6 +35,21 @@ def curved_planes(posterior: Posterior) -> BoolArray:
         along = np.abs(fit.found.along[(plane == index) & (fit.robust_weights[0] > 0)])
         gone[index] = len(along) > 0 and MAD_TO_SIGMA * quantile(along, 0.5) > max(MOST_SCATTER * across, SCATTER_PX)
     return gone
+
+
+def planes_between(plane: IntArray, neighbours: IntArray) -> BoolArray:
+    """(P,) planes most of whose points lie between points of another one, each by itself.
+
+    Surfaces are opaque: these are the other's noise, copies of it, or things as small as a point. `plane` (N,) is that
+    of each point, `neighbours` (N, 4) the nearest.
+    """
+    planes = int(plane.max(initial=FREE)) + 1
+    if not neighbours.size:
+        return np.zeros(planes, dtype=np.bool_)
+    around = plane_around(plane, neighbours)
+    between = (around != FREE) & (around != plane) & (plane != FREE)
+    counts = np.bincount(plane[plane != FREE], minlength=planes)
+    return 2 * np.bincount(plane[between], minlength=planes) > counts
 
 
 def misleading_plane(posterior: Posterior, lenses: FloatArray) -> BoolArray:

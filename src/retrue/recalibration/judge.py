@@ -32,6 +32,7 @@ from retrue.recalibration.doubtful_planes import (
     misleading_plane,
     much_quieter,
     needless_planes,
+    planes_between,
     quieter,
 )
 from retrue.recalibration.fit import Support, carried, own_pose, pose_difference
@@ -165,13 +166,16 @@ def judge(rig: Rig, captures: Sequence[Correspondences], options: RecalibrateOpt
     rays, homographies = with_planes(rays, rig, options, rng, turned)
     few = rays.select(~turned).thinned(COMPARED_POINTS, rng)
     neighbours, old = nearest_points(few), own_pose(rig)
+    photographs = all(capture.card is not None and capture.card.counted == "features" for capture in captures)
+    if not photographs and (between := planes_between(few.points.plane_index, neighbours)).any():
+        rays, few = rays.without_planes(between), few.without_planes(between)
+        homographies = [H for H, none in zip(homographies, between, strict=True) if not none]
     uneven = noise_covariance(homography_residuals(few.points, homographies), few.points.plane_index, neighbours)
     fits = refined_poses(starting_poses(few.points, homographies, old, noise, rng), Support.of(few), rng)
     tight = stated_prior(rig, options.focal_sigma, options.principal_point_sigma_px, options.k1_sigma)
     wide = wide_prior(rig, tight)
     prior = Prior(wide, free=True) if options.lens == "may-have-changed" else Prior(tight)
     starts = [Parameters.of(fit.pose) for fit in foremost(fits, few.points)]
-    photographs = all(capture.card is not None and capture.card.counted == "features" for capture in captures)
     light = light_of(rig, captures, few)
     while True:
         measured = _measured(rig, captures, few, homographies, neighbours, options.flatness_sigma, photographs)

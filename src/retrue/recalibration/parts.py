@@ -101,6 +101,13 @@ def homography_residuals(points: TwoViewPoints, homographies: Sequence[FloatArra
     return missed
 
 
+def plane_around(plane: IntArray, neighbours: IntArray) -> IntArray:
+    """(N,) the plane that three of four neighbours (N, 4) of a point share; FREE where they share none."""
+    around = np.sort(plane[neighbours], axis=1)  # three of four alike: those in the middle are, and one beside them
+    first, shared, third, last = around.T
+    return np.where((shared == third) & ((shared == first) | (shared == last)), shared, FREE)
+
+
 def noise_of_planes(
     points: TwoViewPoints, homographies: Sequence[FloatArray], neighbours: IntArray, levels: Sequence[float]
 ) -> BoolArray:
@@ -113,10 +120,7 @@ def noise_of_planes(
     found = np.zeros(len(plane), dtype=np.bool_)
     if not (len(homographies) and neighbours.size):
         return found
-    around = np.sort(plane[neighbours], axis=1)  # three of four alike: those in the middle are, and one beside them
-    own = around[:, 1]
-    alike = (own == around[:, 2]) & ((own == around[:, 0]) | (own == around[:, 3]))
-    rows = np.flatnonzero((plane == FREE) & alike & (own != FREE))
+    rows = np.flatnonzero((plane == FREE) & ((own := plane_around(plane, neighbours)) != FREE))
     missed = homography_residuals(replace(points, plane_index=np.where(plane == FREE, own, plane)), homographies)
     beside = neighbours[rows]
     there = (plane[beside] == own[rows, None])[..., None]
