@@ -16,6 +16,7 @@ from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
 
+from speed_photographs import SIZE, SMALL, photograph_rows
 from speed_pictures import NAMES, render_rows, sequence_rows
 from speed_points import FULL, QUICK, point_rows
 from speed_processes import process_rows
@@ -45,6 +46,7 @@ def all_rows(options: argparse.Namespace, scratch: Path, rounds: int) -> Iterato
     yield from render_rows(options.renders, scratch, rounds, NAMES[:1] if options.quick else NAMES)
     for files in options.sequence:
         yield from sequence_rows(*files, rounds=min(rounds, 7))
+    yield from photograph_rows(min(rounds, 7), *((SMALL, 1) if options.quick else (SIZE, 3)))
     yield from point_rows(rounds, QUICK if options.quick else FULL)
 
 

@@ -134,12 +134,13 @@ def _areas(points: Correspondences) -> FloatArray:
     """Of some triangles in the camera times that in the projector: positive where both run the same way round."""
     if len(points) < 3 or len(points.axes) < 2:  # one coordinate cannot tell
         return np.empty(0)
-    few = points.select(np.linspace(0, len(points) - 1, min(len(points), MOST_CORNERS)).astype(np.int64))
-    _, rows = nearest_of_all(few.camera_px, few.camera_px, 3)
-    areas = [
-        (b - a)[:, 0] * (c - a)[:, 1] - (b - a)[:, 1] * (c - a)[:, 0]
-        for a, b, c in (np.moveaxis(pixels[rows], 1, 0) for pixels in (few.camera_px, few.projector_px))
-    ]
+    few = np.linspace(0, len(points) - 1, min(len(points), MOST_CORNERS)).astype(np.int64)
+    camera_px, projector_px = points.camera_px[few], points.projector_px[few]
+    _, rows = nearest_of_all(camera_px, camera_px, 3)
+    areas: list[FloatArray] = []
+    for pixels in (camera_px, projector_px):
+        (ax, ay), (bx, by), (cx, cy) = pixels[rows].transpose(1, 2, 0)
+        areas.append((bx - ax) * (cy - ay) - (by - ay) * (cx - ax))
     return areas[0] * areas[1]
 
 

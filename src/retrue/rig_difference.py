@@ -10,10 +10,12 @@ import numpy as np
 from retrue.errors import InputError
 from retrue.geometry.arrays import FloatArray
 from retrue.geometry.camera import Camera
-from retrue.geometry.transform import RigidTransform, direction_angle, rotation_angle
-from retrue.geometry.triangulation import triangulate
+from retrue.geometry.transform import direction_angle, rotation_angle
+from retrue.geometry.triangulation import triangulate_rays
 from retrue.rig import Rig
 
+Pose = tuple[FloatArray, FloatArray]
+"""R (3, 3) and t (3,)."""
 GRID, FINE_GRID = (17, 13), (129, 97)  # rays across and down the camera picture
 
 
@@ -66,11 +68,11 @@ def rig_difference(first: Rig, second: Rig, working_distance: float | None = Non
         float(np.linalg.norm(b.t - a.t)),
         float(np.linalg.norm(b.t) - np.linalg.norm(a.t)),
         working_distance,
-        None if working_distance is None else displacement_rms(first, second, [b], working_distance)[0],
+        None if working_distance is None else displacement_rms(first, second, [(b.R, b.t)], working_distance)[0],
     )
 
 
-def displacement_rms(first: Rig, second: Rig, poses: Sequence[RigidTransform], distance: float) -> list[float]:
+def displacement_rms(first: Rig, second: Rig, poses: Sequence[Pose], distance: float) -> list[float]:
     """What both devices of the first rig see at that depth, measured with the second one in each of the poses: RMS."""
     points, seen = _seen_at(first, distance)
     camera_rays = second.camera.unproject(first.camera.project(points))
@@ -78,17 +80,15 @@ def displacement_rms(first: Rig, second: Rig, poses: Sequence[RigidTransform], d
     return [_rms_from(points, pose, second, camera_rays, projector_rays) for pose in poses]
 
 
-def _rms_from(
-    points: FloatArray, pose: RigidTransform, rig: Rig, camera_rays: FloatArray, projector_rays: FloatArray
-) -> float:
+def _rms_from(points: FloatArray, pose: Pose, rig: Rig, camera_rays: FloatArray, projector_rays: FloatArray) -> float:
     """How far from those points (N, 3) their rays meet in a pose, measured with the devices of that rig.
 
     Infinite where they do not meet, NaN where there is no point.
     """
     if not len(points):
         return float("nan")
-    sigmas = {"camera_sigma": 1 / rig.camera.K[0, 0], "projector_sigma": 1 / rig.projector.K[0, 0]}
-    moved = triangulate(pose, camera_rays, projector_rays, **sigmas)
+    variances = (np.square([1 / device.K[0, 0]]) for device in (rig.camera, rig.projector))
+    moved = triangulate_rays(*pose, camera_rays, projector_rays, *variances)
     squares = ((moved - points) ** 2).sum(axis=1)
     return float(np.sqrt(np.where(np.isfinite(squares), squares, np.inf).mean()))
 
@@ -109,7 +109,8 @@ def pixel_displacement(rig: Rig, distance: float) -> float:
         K = rig.projector.K.copy()
         K[axis, 2] += 1
         off = replace(rig.projector, K=K).unproject(seen)
-        moved.append(_rms_from(points, rig.projector_from_camera, rig, camera_rays, off))
+        pose = rig.projector_from_camera
+        moved.append(_rms_from(points, (pose.R, pose.t), rig, camera_rays, off))
     return float(np.hypot(moved[0], moved[1]))
 
 

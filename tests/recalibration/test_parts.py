@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from retrue.correspondences import Correspondences
+from retrue.correspondences import Card, Correspondences
 from retrue.geometry.nearest import nearest_of_all
 from retrue.geometry.transform import direction_angle, rotation_angle, vector_from_rotation
 from retrue.geometry.two_view import FREE, TwoViewPoints, tangent_basis
@@ -299,3 +299,15 @@ def test_single_points_near_their_neighbours_plane_are_its_noise() -> None:
     points = TwoViewPoints(x, x + off, np.zeros(300), np.ones(300), plane)
     found = noise_of_planes(points, [np.eye(3)], nearest_of_all(x, x, 5)[1][:, 1:], [1.0])
     assert np.flatnonzero(found).tolist() == [single]
+
+
+@pytest.mark.parametrize("features", [False, True], ids=["projector", "photographs"])
+def test_what_photographs_show_once_is_no_noise_of_the_plane_around_it(features: bool) -> None:
+    """Small things before a wall have one match each; a projector's grid would show them more than once."""
+    wall = capture(Scene(), noise=0.1, grid=(24, 18))
+    things, projector_px = [127, 317], wall.projector_px.copy()
+    projector_px[things] += [2.5, 0.0]
+    each, card = np.full(len(wall), 0.07), Card("features", len(wall), len(wall), {}, 1.0) if features else None
+    points = replace(wall, projector_px=projector_px, camera_sigma_px=each, projector_sigma_px=each, card=card)
+    lone = judge(bumped(RIG, [1, 1, 1], [1, 1, 1]), [points], RecalibrateOptions()).compared.measured.lone
+    assert (lone is None) if features else (lone is not None and set(things) <= set(np.flatnonzero(lone)))

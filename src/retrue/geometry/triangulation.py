@@ -59,9 +59,16 @@ def triangulate(
     y = np.ascontiguousarray(array_of(projector_rays, (len(x), 2), "projector_rays"))
     vx = np.square(_one_or_each(camera_sigma, len(x), "camera_sigma"))
     vy = np.square(_one_or_each(projector_sigma, len(x), "projector_sigma"))
+    return triangulate_rays(R, t, x, y, vx, vy)
+
+
+def triangulate_rays(
+    R: FloatArray, t: FloatArray, x: FloatArray, y: FloatArray, x_variance: FloatArray, y_variance: FloatArray
+) -> FloatArray:
+    """The same of arrays that nobody need ask whether they are rays (N, 2) and variances, (1,) or (N,)."""
     points = np.empty((len(x), 3))
     R, t, E = (np.ascontiguousarray(part) for part in (R, t, skew(t) @ R))
-    kernel.triangulate(R, t, E, x, y, vx, vy, SMALLEST_PARALLAX, points)
+    kernel.triangulate(R, t, E, x, y, x_variance, y_variance, SMALLEST_PARALLAX, points)
     return points
 
 

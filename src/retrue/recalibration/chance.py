@@ -77,7 +77,10 @@ def deviations_limit(false_alarms: float) -> float:
     for _ in range(NEWTON_STEPS):
         density = sqrt(2 / pi) * exp(-(d**2) / 2)
         share = share_beyond(d)
-        d += share / (density * d**4 / 3) * log(share / false_alarms)
+        step = share / (density * d**4 / 3) * log(share / false_alarms)
+        d += step
+        if abs(step) < ROUNDING * d:
+            break
     return d
 
 
@@ -98,7 +101,7 @@ def deviations_of_mixture(weights: FloatArray, deviations: FloatArray) -> float:
     return deviations_limit(share) if 1e-300 < share < 1 - 1e-9 else float(deviations.min())
 
 
-NEWTON_STEPS = 20
+NEWTON_STEPS, ROUNDING = 20, 1e-15
 
 
 def strays(fit: PoseFit, aside: BoolArray | None) -> BoolArray:

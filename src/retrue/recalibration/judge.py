@@ -179,7 +179,9 @@ def judge(rig: Rig, captures: Sequence[Correspondences], options: RecalibrateOpt
     light = light_of(rig, captures, few)
     while True:
         measured = _measured(rig, captures, few, homographies, neighbours, options.flatness_sigma, photographs)
-        lone = noise_of_planes(few.points, homographies, neighbours, plane_levels(measured))
+        lone = None  # small things of photographs show one match each, and no surface has a second of them
+        if not photographs:
+            lone = noise_of_planes(few.points, homographies, neighbours, plane_levels(measured))
         measured = replace(measured, noise_covariance=uneven, lone=lone)
         hypotheses = [hypothesis(measured, start, prior, tight, homographies) for start in starts]
         posteriors = [one.better() for one in hypotheses]

@@ -337,7 +337,7 @@ def sigma_at(distance: float | None, covariance: FloatArray, pose: TwoViewPose, 
     values, vectors = np.linalg.eigh(covariance)
     steps: FloatArray = vectors * np.sqrt(np.maximum(values, 0.0))
     moved = [TwoViewPose(pose.R, pose.t).moved(step) for step in steps.T]
-    wrong = [RigidTransform(off.R, off.t * length) for off in moved]
+    wrong = [(off.R, off.t * length) for off in moved]
     return replace(angles, displacement=float(np.linalg.norm(displacement_rms(true, true, wrong, distance))))
 
 
