@@ -37,6 +37,17 @@ def test_a_picture_on_its_head_is_named(turned, inverses):
         decode(shot.pattern, pictures, names=names)
 
 
+@pytest.mark.parametrize("turned", [10, 14, 34])
+def test_what_is_no_pair_is_not_read(turned):
+    """Of whole codes, too, half of whose points would be left."""
+    pairs = both(lambda axis, side: gray_frames(axis, range((side - 1).bit_length())[::-1], inverses=True))
+    shot = shot_of([*pairs, *LIGHTS])
+    pictures = [own[::-1, ::-1] if k == turned else own for k, own in enumerate(shot.pictures)]
+    names = [f"b{k:02d}.png" for k in range(len(pictures))]
+    with pytest.raises(CaptureError, match=rf"b{turned:02d}\.png"):
+        decode(shot.pattern, pictures, names=names)
+
+
 def stepped(x, y):
     """Two surfaces, little apart along the rows of the projector."""
     near = x > 0.4 * CAMERA[0]
