@@ -8,6 +8,7 @@ import pytest
 
 from retrue.decoding.decode import decode
 from retrue.errors import CaptureError
+from retrue.patterns.gray_code import GrayCode
 from retrue.patterns.layouts import gray_frames, sine_frames
 from retrue.patterns.sequence import Frame
 from tests.decoding.test_sequences import CAMERA, SIZE, both, errors, shot_of
@@ -35,6 +36,29 @@ def test_a_picture_on_its_head_is_named(turned, inverses):
     names = [f"b{k:02d}.png" for k in range(len(pictures))]
     with pytest.raises(CaptureError, match=rf"b{turned:02d}\.png stands on its head"):
         decode(shot.pattern, pictures, names=names)
+
+
+@pytest.mark.parametrize("turned", [10, 14, 34])
+def test_what_is_no_pair_is_not_read(turned):
+    """Of whole codes, too, half of whose points would be left."""
+    pairs = both(lambda axis, side: gray_frames(axis, range((side - 1).bit_length())[::-1], inverses=True))
+    shot = shot_of([*pairs, *LIGHTS])
+    pictures = [own[::-1, ::-1] if k == turned else own for k, own in enumerate(shot.pictures)]
+    names = [f"b{k:02d}.png" for k in range(len(pictures))]
+    with pytest.raises(CaptureError, match=rf"b{turned:02d}\.png"):
+        decode(shot.pattern, pictures, names=names)
+
+
+@pytest.mark.parametrize("code", [GrayCode(SIZE), None])
+@pytest.mark.parametrize("scale", [2.4, 3.3])
+def test_stripes_narrower_than_a_pixel_are_left_to_wider_ones(code, scale):
+    """A projector of more pixels than the camera has: next to each other these see stripes two or three apart."""
+    pairs = both(lambda axis, side: gray_frames(axis, range((side - 1).bit_length())[::-1], inverses=True))
+    shot = shot_of([*pairs, *LIGHTS], lambda x, y: (scale * x + 3, scale * y + 0.03 * x + 2))
+    points = decode(code or shot.pattern, shot.pictures)
+    assert len(points) > 0.9 * SIZE[0] * SIZE[1] / scale**2
+    assert np.abs(errors(shot, points)).max() < 2
+    assert points.card.details["points_by_bits_left_out"][0] == 0
 
 
 def stepped(x, y):

@@ -8,12 +8,15 @@ import subprocess
 import sys
 from pathlib import Path
 
+import cv2
 import pytest
 
 from retrue.cli.commands import EXAMPLES, command_kind
 from retrue.cli.parsing import parse
 from retrue.cli.terminal import GREEN, Terminal, colored, time_left
 from retrue.errors import FileError
+
+DEMO = Path(__file__).parents[2] / "src" / "retrue" / "demo_data"
 
 
 class Screen(io.StringIO):
@@ -157,6 +160,20 @@ def test_a_name_that_the_terminal_cannot_print_fails_nothing(files):
     assert done.returncode == 0, done.stderr
     assert rb"\u56fe\u7247" in done.stdout
     assert b"Traceback" not in done.stderr
+
+
+@pytest.mark.parametrize(("share", "status"), [(1.0, 0), (0.5, 2)])
+def test_opencv_adds_nothing_to_what_is_said_of_a_picture(tmp_path, share, status):
+    """Of a TIFF of four channels it warns that no tag tells of the fourth; of one that is cut it writes five lines."""
+    picture = cv2.imread(str(DEMO / "scene.jpg"))
+    _, content = cv2.imencode(".tif", cv2.cvtColor(picture, cv2.COLOR_BGR2BGRA), [cv2.IMWRITE_TIFF_COMPRESSION, 1])
+    path = tmp_path / "scene.tif"
+    path.write_bytes(content[: int(share * len(content))].tobytes())
+    words = ["decode", path, "--pattern", DEMO / "pattern.json", "--out", tmp_path / "points.csv", "--quiet"]
+    script = "import sys; from retrue.cli.main import main; sys.exit(main(sys.argv[1:]))"
+    done = subprocess.run([sys.executable, "-c", script, *words], capture_output=True, text=True, check=False)
+    assert done.returncode == status
+    assert len(done.stderr.splitlines()) == (status != 0)
 
 
 def test_a_page_that_fails_changes_no_verdict(retrue, files, monkeypatch):

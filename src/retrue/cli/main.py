@@ -30,6 +30,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     0 done, 1 refused or drifted, 2 bad usage or bad input, 70 a fault of our own.
     """
     _print_anything()
+    os.environ.setdefault("OPENCV_LOG_LEVEL", "SILENT")  # what is wrong with a file is said by us, in one line
     arguments = list(sys.argv[1:] if arguments is None else arguments)
     if arguments == ["--version"]:
         from importlib.metadata import version

@@ -64,14 +64,14 @@ def read_gray(sequence: GraySequence, threads: ThreadPoolExecutor, *, thorough: 
     Source: Inokuchi, Sato, Matsuda, "Range imaging system for 3-D object recognition", ICPR 1984 (Gray code);
     Trobina, "Error model of a coded-light range sensor", 1995 (edges where pattern and inverse cross).
     """
-    depths = _depths(sequence, thorough)
+    dropped, depths = _depths(sequence, thorough)
     whole = band_rows(sequence.white.shape[0])
     (first_band, last_band), columns, lit = _lit_box(depths[0], whole, threads)
     top, bottom = whole[first_band].start, whole[last_band].stop
     bands = band_rows(bottom - top)
     depths = [replace(depth, sequence=depth.sequence.part(slice(top, bottom), columns)) for depth in depths]
     first = read_depth(depths[0], bands, threads, None)
-    require_inside(int(np.count_nonzero(first.agreed)), first.outside, first.largest, sequence.stripes)
+    require_inside(int(np.count_nonzero(first.agreed)), first.outside, first.largest, depths[0].sequence.stripes)
     good = first.certain & first.smooth
     read = [(depths[0], first, good)]
     unread = first.lit & ~good & (first.inside | ~first.agreed) & (first.smooth | ~first.certain)
@@ -86,7 +86,12 @@ def read_gray(sequence: GraySequence, threads: ThreadPoolExecutor, *, thorough: 
     none, no_depths = found[0].found.none(), (0,) * len(depths)
     dark = [Band(none, no_depths, 0, dict.fromkeys(REASONS, 0)) for _ in whole]
     return [
-        replace(band, seen=count, rejected=band.rejected | {"alone": band.rejected["alone"] + count - band.seen})
+        replace(
+            band,
+            depths=(0,) * dropped + band.depths,
+            seen=count,
+            rejected=band.rejected | {"alone": band.rejected["alone"] + count - band.seen},
+        )
         for band, count in zip([*dark[:first_band], *found, *dark[last_band + 1 :]], lit, strict=True)
     ]
 
@@ -146,12 +151,22 @@ def _together(found: Sequence[Found]) -> Found:
     return Found(pixels[order], px, sigma, np.concatenate(ratios)[order] if ratios else None)
 
 
-def _depths(sequence: GraySequence, thorough: bool) -> Sequence[Depth]:
-    strips = cut_strips(sequence)
-    depths = [Depth(sequence, plan_strips(strips))]
-    if not thorough and depths[0].plan.resolved >= LEAST_RESOLVED:
-        return depths
+def _depths(sequence: GraySequence, thorough: bool) -> tuple[int, Sequence[Depth]]:
+    """How many of the finest bits are dropped, as their stripes are narrower than a pixel and leave hardly any edges
+    between neighbours; and what is read."""
+    strips: Sequence[GraySequence] = cut_strips(sequence)
+    plan, dropped = plan_strips(strips), 0
+    while plan.narrow and (wider := sequence.coarser()) is not None:
+        sequence, strips, dropped = wider, _coarser(strips), dropped + 1
+        plan = plan_strips(strips)
+    depths = [Depth(sequence, plan)]
+    if not thorough and plan.resolved >= LEAST_RESOLVED:
+        return dropped, depths
     while len(depths) < MOST_DEPTHS and (coarser := depths[-1].sequence.coarser()) is not None:
-        strips = [own for strip in strips if (own := strip.coarser()) is not None]
+        strips = _coarser(strips)
         depths.append(Depth(coarser, plan_strips(strips, finest=False), 2 * depths[-1].width))
-    return depths
+    return dropped, depths
+
+
+def _coarser(strips: Sequence[GraySequence]) -> list[GraySequence]:
+    return [own for strip in strips if (own := strip.coarser()) is not None]

@@ -25,6 +25,8 @@ LIT = 0.1
 STRIPS, STRIP_WIDTH = 8, 4
 FEWEST_EDGES = 30
 """Of coarse bits, that tell how steep edges are."""
+SEEN_EDGES = 0.1
+"""Of neighbours across stripes narrower than a pixel: of those nearly two stripes apart some are one, and enough."""
 MOST_STRIPES = 4
 """Between neighbours on one surface."""
 CHI_SQUARE_MEDIAN = 0.455
@@ -45,10 +47,12 @@ class Plan:
     along : for each axis of the code, the array axis along which its stripes follow each other more quickly.
     cells : for each axis of the code, the power of two (2 to MAX_CELL) nearest to a stripe's width in camera pixels.
     edge_biases : for each axis of the code, what straight lines between pixels miss its edges by.
+    narrow : whether an axis has stripes so narrow that hardly any neighbours are one apart.
     """
 
     noise_gain: float
     resolved: float
+    narrow: bool
     along: tuple[int, ...]
     cells: tuple[int, ...]
     edge_biases: tuple[EdgeBias, ...]
@@ -56,11 +60,12 @@ class Plan:
 
 @dataclass(frozen=True, slots=True)
 class _AxisPlan:
-    """How to read one axis; `resolved` : the share of lit pixels that decide it."""
+    """How to read one axis; `resolved` : the share of lit pixels that decide it; `narrow` : as `Plan` has it."""
 
     along: int
     cell: int
     resolved: float
+    narrow: bool
     edge_bias: EdgeBias
 
 
@@ -94,6 +99,7 @@ def plan_strips(strips: Sequence[GraySequence], *, finest: bool = True) -> Plan:
     return Plan(
         noise_gain,
         min(own.resolved for own in axes),
+        any(own.narrow for own in axes),
         tuple(own.along for own in axes),
         tuple(own.cell for own in axes),
         tuple(own.edge_bias for own in axes),
@@ -119,12 +125,22 @@ def _plan_axis(strips: Sequence[GraySequence], axis: int, noise_gain: float, fin
     along = 0 if steps[0] > steps[1] else 1
     pairs = seen[along]
     name = ("column", "row")[strips[0].stripes[axis].axis]
-    require_order(pairs.code, pairs.beyond, strips[0].names[axis], name)
-    if finest:
+    narrow = any(_narrow(own) for own in apart)
+    if not narrow:
+        require_order(pairs.code, pairs.beyond, strips[0].names[axis], name)
+    if finest and not narrow:
         require_one_way([(own.code, own.beyond) for own in seen], name)
     stripe = 1 / max(steps[along], 1 / MAX_CELL)
     cell = min(max(2 ** round(math.log2(stripe)), 2), MAX_CELL)
-    return _AxisPlan(along, cell, pairs.resolved, _edge_bias(pairs, apart[along]))
+    return _AxisPlan(along, cell, pairs.resolved, narrow, _edge_bias(pairs, apart[along]))
+
+
+def _narrow(apart: CodeImage) -> bool:
+    """Whether neighbours are some stripes apart, and hardly any one: what order bits have, wider stripes tell."""
+    if len(apart) < FEWEST_EDGES:
+        return False
+    seen = int(np.count_nonzero(apart == 1))
+    return 1 < float(np.median(apart)) <= MOST_STRIPES and seen < SEEN_EDGES * len(apart)
 
 
 def _neighbours(sequence: GraySequence, axis: int, along: int, noise_gain: float) -> _Neighbours:

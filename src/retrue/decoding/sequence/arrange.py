@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import reduce
+from itertools import pairwise
 from typing import cast
 
 import cv2
@@ -101,6 +102,17 @@ def frames_of(pattern: GrayCode | FrameSequence, count: int) -> tuple[Frame, ...
         return frames if count == len(frames) else frames[:-2] if count == len(frames) - 2 else None
     spec = as_captured(pattern, count)
     return spec.frames if count == spec.picture_count else None
+
+
+def pair_starts(frames: Sequence[Frame]) -> list[int]:
+    """Where pattern and inverse of one bit follow each other."""
+    return [
+        index
+        for index, (first, second) in enumerate(pairwise(frames))
+        if first.code == second.code == "gray"
+        and (first.axis, first.bit) == (second.axis, second.bit)
+        and first.inverse != second.inverse
+    ]
 
 
 def taken_without_lights(pattern: GrayCode | FrameSequence, count: int) -> str:

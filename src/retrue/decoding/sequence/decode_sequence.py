@@ -12,13 +12,14 @@ from numpy.typing import NDArray
 from retrue.correspondences import Card, Correspondences
 from retrue.decoding.gray.decode_gray_code import REASONS as GRAY_REASONS
 from retrue.decoding.gray.decode_gray_code import band_rows, read_gray
-from retrue.decoding.gray.faults import CAPTURE, changing_pixels
+from retrue.decoding.gray.faults import CAPTURE, changing_pixels, require_complements
 from retrue.decoding.gray.sequence import gray_sequence
 from retrue.decoding.light import FULL, filling_their_scale, saturated
 from retrue.decoding.sequence.arrange import (
     ArrangedSequence,
     arrange,
     frames_of,
+    pair_starts,
     require_all_numbers,
     scene_lights,
     taken_without_lights,
@@ -35,8 +36,7 @@ from retrue.patterns.sequence import FrameSequence
 
 MIRRORED = "the projector's picture is mirrored (rear projection, or a mirror?): switch that off in its menu"
 FEWEST_TO_TELL_SIDES, MOST_TO_TELL_SIDES = 100, 20_000
-FIRST_PX = 1.0
-"""The first pixel, which ends at 0.5, and a margin for noise."""
+FIRST_PX = 1.0  # which ends at 0.5, and a margin for noise
 LEAST_SINE = 0.1
 """Of the angle between the two axes of the projector, as the camera sees them."""
 MOST_OVEREXPOSED = 0.3
@@ -108,6 +108,8 @@ def _decode_or_diagnose(
         sequence = arrange(pattern, images, names)
         if (fault := find_sine_fault(sequence.spec, sequence.pictures, sequence.names)) is not None:
             return _read_all_the_same(sequence, fault)
+        if pairs := pair_starts(sequence.spec.frames):
+            require_complements(sequence.pictures, sequence.names, pairs)
         require_white_or_black(sequence.spec.frames, sequence.pictures)
         points = decode_arranged(sequence)
     except CaptureError as error:

@@ -4,13 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
-from itertools import pairwise
 
 import numpy as np
 
 from retrue.decoding.gray.faults import CAPTURE, FOLDED, require_complements, require_light
 from retrue.decoding.light import FULL
-from retrue.decoding.sequence.arrange import ArrangedSequence, frames_of, grey_pictures, scene_lights
+from retrue.decoding.sequence.arrange import ArrangedSequence, frames_of, grey_pictures, pair_starts, scene_lights
 from retrue.decoding.sequence.exposure import BETTER, MISFIT, fit_gains, fit_share, unlike, unordered_gains
 from retrue.decoding.sequence.hypotheses import (
     FEWEST_CHANGES,
@@ -352,14 +351,3 @@ def without_light_faults(grey: Sequence[Image], gains: FloatArray, share: float)
         before = own
         made.append(np.clip(np.rint(own), 0, np.iinfo(np.uint16).max).astype(np.uint16))
     return made
-
-
-def pair_starts(frames: Sequence[Frame]) -> list[int]:
-    """Where pattern and inverse of one bit follow each other."""
-    return [
-        index
-        for index, (first, second) in enumerate(pairwise(frames))
-        if first.code == second.code == "gray"
-        and (first.axis, first.bit) == (second.axis, second.bit)
-        and first.inverse != second.inverse
-    ]
