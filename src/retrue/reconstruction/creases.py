@@ -18,6 +18,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cache
+from typing import Any, cast
 
 import numpy as np
 
@@ -97,13 +98,17 @@ def _level(differences: FloatArray) -> float:
 
 def _half(values: FloatArray, ends: BoolArray, radius: int, direction: int) -> tuple[FloatArray, FloatArray, BoolArray]:
     """Of the half disc on that side: value and slope at the point, and whether the surface goes on through it."""
-    import cv2
-
     filters, disc = _halves(radius)[direction]
-    value, slope = (cv2.filter2D(values, cv2.CV_64F, filter_, borderType=cv2.BORDER_CONSTANT) for filter_ in filters)
-    padded = np.pad(ends, radius, constant_values=True).astype(np.uint8)
-    ended = cv2.dilate(padded, disc.astype(np.uint8))[radius:-radius, radius:-radius] > 0
-    return np.asarray(value, np.float64), np.asarray(slope, np.float64), ~ended
+    value, slope = (_correlated(values, filter_) for filter_ in filters)
+    reached = _correlated(np.pad(ends, radius, constant_values=True).astype(np.float64), disc.astype(np.float64))
+    return value, slope, reached[radius:-radius, radius:-radius] < 0.5
+
+
+def _correlated(values: FloatArray, filter_: FloatArray) -> FloatArray:
+    """(H, W) values, weighted; 0 beyond the border."""
+    from scipy import signal
+
+    return np.asarray(cast("Any", signal).oaconvolve(values, filter_[::-1, ::-1], mode="same"), np.float64)
 
 
 @cache
