@@ -1,6 +1,6 @@
 """Twelve views of a known object: how far from the truth, and how long it takes, beside Open3D's multiway registration.
 
-    python -m benchmarks.merging [--random] [--foreign] [--no-open3d]
+    python -m benchmarks.merging [SEED] [--random] [--foreign] [--no-open3d]
 
 Open3D as its tutorials have it: FPFH features, RANSAC, point-to-plane ICP for every pair of views, pose graph, global
 optimisation. Its poses are measured on the same points as ours.
@@ -84,13 +84,14 @@ def open3d_poses(clouds: list[Cloud]) -> dict[int, RigidTransform]:
 
 
 def main() -> None:
-    clouds, poses = turntable(VIEWS)
+    seed = next((int(word) for word in sys.argv[1:] if word.isdigit()), 0)
+    clouds, poses = turntable(VIEWS, seed)
     if "--random" in sys.argv:
-        order = np.random.default_rng(1).permutation(VIEWS)
+        order = np.random.default_rng(seed + 1).permutation(VIEWS)
         clouds, poses = [clouds[k] for k in order], [poses[k] for k in order]
     if "--foreign" in sys.argv:
         heights = np.random.default_rng(5).permutation(HEIGHTS)
-        clouds.insert(5, seen(view_pose(0.3), np.random.default_rng(3), heights=heights))
+        clouds.insert(5, seen(view_pose(0.3), np.random.default_rng(seed + 3), heights=heights))
         poses.insert(5, view_pose(0.3))
     true = {view: poses[0] @ pose.inverse() for view, pose in enumerate(poses)}
     print(f"true poses        RMS {rms_of_poses(clouds[:5], poses, dict(list(true.items())[:5])):.4f} mm: noise alone")

@@ -1,3 +1,5 @@
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -104,3 +106,16 @@ def test_a_grid_too_large_for_memory_is_an_error():
     points, camera_px, cells, _ = scene(60)
     with pytest.raises(InputError, match="cells: expected a grid of at most"):
         make_mesh(cloud_of(points, camera_px, 100_000 * cells))
+
+
+def test_neighbours_that_err_alike_tear_no_surface_where_their_sigma_is_known():
+    v, u = np.mgrid[0:60, 0:90]
+    cells = np.stack([v, u], axis=-1).reshape(-1, 2)
+    rays = np.column_stack([(cells[:, ::-1] - [45, 30]) / 500.0, np.ones(len(cells))])
+    stripe = np.random.default_rng(1).normal(0, 1.0, 18)[cells[:, 1] // 5]  # mm, of each stripe of five pixels
+    depth = np.where(cells[:, 0] < 30, 700.0, 720.0) + stripe
+    cloud = replace(cloud_of(rays * depth[:, None], cells[:, ::-1].astype(float), cells), unit="mm")
+    torn, whole = make_mesh(cloud), make_mesh(replace(cloud, sigma=np.full(len(cloud), 1.0)))
+    assert len(torn.faces) < 0.95 * len(whole.faces)
+    assert len(whole.faces) == pytest.approx(2 * 2 * 29 * 89, rel=0.01)
+    assert np.ptp(whole.points[whole.faces][:, :, 2], axis=1).max() < 10  # the step of 20 mm is one

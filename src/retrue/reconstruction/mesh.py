@@ -45,7 +45,7 @@ def surface_faces(cloud: Cloud) -> IntArray:
     triangulation in the picture. Raises `DegenerateError` where points without a grid span no area.
     """
     if cloud.cells is not None:
-        faces = grid_faces(surface_grid(cloud.points, cloud.cells))
+        faces = grid_faces(surface_grid(cloud.points, cloud.cells, cloud.sigma))
     else:
         faces = scattered_faces(cloud.points, cloud.camera_px)
     return _facing_the_camera(cloud.points, faces)

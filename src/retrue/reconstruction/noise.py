@@ -32,6 +32,10 @@ CLIPPED_SQUARE = (
     erf(CLIPPED / 2**0.5) - CLIPPED * (2 / pi) ** 0.5 * exp(-(CLIPPED**2) / 2) + CLIPPED**2 * erfc(CLIPPED / 2**0.5)
 )
 """Mean square of normal numbers that are clipped there."""
+CUT_SQUARE = 1 - 2 * CLIPPED * exp(-(CLIPPED**2) / 2) / (2 * pi) ** 0.5 / erf(CLIPPED / 2**0.5)
+"""Mean square of those that lie within."""
+LEAST, LEAST_SIZE = 0.2, 0.2533
+"""Share of normal numbers, and that quantile of their size."""
 ROUNDS = 8
 PER_LEVEL = 250  # points that tell the noise at one size of the decoder's sigma
 MOST_LEVELS = 12
@@ -196,7 +200,7 @@ def _differences(X: FloatArray, along: FloatArray, grid: SurfaceGrid) -> tuple[I
     """Chains (M, 4), and the third difference (M,) of 1 / Z of each, in sigmas.
 
     Over the shortest step from which on a longer one finds no more noise: what neighbours err alike shows in long steps
-    only, and what a scene bends shows in long steps the most.
+    only, all over the scene; what a scene bends shows in long steps the most, here and there.
     """
     longest = max(1, max(grid.index.shape) // STEPS_PER_SIDE)
     steps = [*(2**k for k in range(longest.bit_length()) if 2**k < longest), longest]
@@ -205,10 +209,20 @@ def _differences(X: FloatArray, along: FloatArray, grid: SurfaceGrid) -> tuple[I
         found = _over_step(X, along, grid, step) if number else best
         if len(found[0]) < FEWEST_CHAINS:
             break
-        usual = float(np.median(np.abs(found[1])))
+        usual = _most_have(found[1])
         best = found if usual > RISE * before else best
         before = usual
     return best
+
+
+def _most_have(z: FloatArray) -> float:
+    """Sigma of normal numbers that most of z are, the least of them, whatever the others."""
+    size = np.abs(z)
+    found = float(np.quantile(size, LEAST)) / LEAST_SIZE
+    for _ in range(ROUNDS):
+        inside = size[size <= CLIPPED * found]
+        found = max(float(np.sqrt(np.mean(inside**2) / CUT_SQUARE)) if len(inside) else 0.0, SMALLEST)
+    return found
 
 
 def _over_step(X: FloatArray, along: FloatArray, grid: SurfaceGrid, step: int) -> tuple[IntArray, FloatArray]:

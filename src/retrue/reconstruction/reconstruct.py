@@ -98,7 +98,11 @@ def reconstruct(rig: Rig, points: Correspondences, options: ReconstructOptions |
     cloud = Cloud(X[kept], _colors(points)[kept], points.camera_px[kept], rig.unit, cells, card)
     grid = None if cells is None else surface_grid(cloud.points, cells)
     points = points.select(kept)
-    cloud, cut = _with_sigma(cloud, rig, points, residual_px[kept], grid)
+    cloud = _with_sigma(cloud, rig, points, residual_px[kept], grid)
+    cut = np.zeros(len(cloud), dtype=np.bool_)
+    if cells is not None and cloud.sigma is not None:
+        grid = surface_grid(cloud.points, cells, cloud.sigma)
+        cloud, cut = _with_rim(cloud, points, grid)
     if not (options.keep_strays or grid is None):
         cloud, on_surface = _without_strays(cloud, grid, cut)
         points = points.select(on_surface)
@@ -109,25 +113,32 @@ def reconstruct(rig: Rig, points: Correspondences, options: ReconstructOptions |
 
 def _with_sigma(
     cloud: Cloud, rig: Rig, points: Correspondences, residual_px: FloatArray, grid: SurfaceGrid | None
-) -> tuple[Cloud, BoolArray]:
-    """The cloud with how sure each point is, where that can be told; and which points (N,) lie between two surfaces."""
-    cut = np.zeros(len(cloud), dtype=np.bool_)
+) -> Cloud:
+    """The cloud with how sure each point is, where that can be told."""
     noise = point_noise(rig, points, cloud.points, residual_px, grid)
     if noise is None:
-        return cloud, cut
+        return cloud
     known = Uncertainty(rig, points.axes, *noise, points.projector_sigma_ratio)
+    return _known(cloud, known, known.along_rays(cloud.points))
+
+
+def _known(cloud: Cloud, known: Uncertainty, sigma: FloatArray) -> Cloud:
     few = np.arange(0, len(cloud), max(1, len(cloud) // FEW))
-    sigma = known.along_rays(cloud.points)
-    if grid is not None:
-        rim = find_rim(cloud.points, points.camera_px, np.hypot(*stated_sigmas(points)), sigma, grid)
-        known, sigma, cut = known.scaled(rim.level), sigma * rim.level, rim.cut
     card = {
         **cloud.card,
         "sigma": float(np.nanmedian(sigma)) if np.isfinite(sigma).any() else None,
         "common_sigma": common_sigma(known.select(few), cloud.points[few]),
-        "taken_for_exact": list(unstated(rig)),
+        "taken_for_exact": list(unstated(known.rig)),
     }
-    return replace(cloud, sigma=sigma, uncertainty=known, card=card), cut
+    return replace(cloud, sigma=sigma, uncertainty=known, card=card)
+
+
+def _with_rim(cloud: Cloud, points: Correspondences, grid: SurfaceGrid) -> tuple[Cloud, BoolArray]:
+    """The cloud with what points beside jumps err more, and which (N,) lie between two surfaces."""
+    assert cloud.sigma is not None
+    assert cloud.uncertainty is not None
+    rim = find_rim(cloud.points, points.camera_px, np.hypot(*stated_sigmas(points)), cloud.sigma, grid)
+    return _known(cloud, cloud.uncertainty.scaled(rim.level), cloud.sigma * rim.level), rim.cut
 
 
 def _with_albedo(cloud: Cloud, rig: Rig, points: Correspondences) -> Cloud:

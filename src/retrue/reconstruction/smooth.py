@@ -8,6 +8,7 @@ Each point takes the value of a quadric that is fitted to the window of cells ar
 s the filter of a parabola in one dimension. A window counts only where the surface goes on through all of it, so that
 nothing is carried over a jump. What a quadric cannot follow in it, a crease or a tight bend, errs as noise does
 (`lack_of_fit`): of all windows about a point that counts in which both together are least, and sigma holds both.
+Where two sides are told to meet in a crease (`creases`), no window about the point counts, and both sides do.
 
 Source: Savitzky, Golay, "Smoothing and differentiation of data by simplified least squares procedures", Analytical
 Chemistry 36, 1964 (the filter).
@@ -24,6 +25,7 @@ from retrue.errors import InputError
 from retrue.geometry.arrays import BoolArray, FloatArray, IntArray
 from retrue.geometry.robust import MAD_TO_SIGMA
 from retrue.reconstruction.cloud import Cloud, require_cloud
+from retrue.reconstruction.creases import find_creases
 from retrue.reconstruction.lack_of_fit import centre_filter, filtered, lack_of_fit
 from retrue.reconstruction.surface_grid import SurfaceGrid, surface_grid
 
@@ -77,23 +79,44 @@ def smoothed(cloud: Cloud) -> Cloud:
         )
     grid = surface_grid(cloud.points, cloud.cells)
     own = (cloud.sigma / (cloud.points[:, 2] * np.linalg.norm(cloud.points, axis=1))) ** 2  # variance of w
-    windows = _windows(grid, np.where(grid.index >= 0, own[grid.index], np.nan))
+    variance = np.where(grid.index >= 0, own[grid.index], np.nan)
+    windows = _windows(grid, variance)
     steps, last = _steps(windows)
-    errors = np.stack(
-        [(sum(steps[number:]) + last) * window.variance + window.lack for number, window in enumerate(windows)]
-    )
+    errors = [(sum(steps[number:]) + last) * window.variance + window.lack for number, window in enumerate(windows)]
+    values, sides = [window.w for window in windows], [1, *(2 * half + 1 for half in HALVES)][: len(windows)]
+    if len(windows) == 1 + len(HALVES):
+        _beside_creases(grid, windows, last, values, errors)
+        sides.append(sides[-1])
     size = np.where(grid.index >= 0, np.nan_to_num(errors, nan=np.inf).argmin(axis=0), 0)
     ratio, share = np.ones(len(cloud)), np.ones(len(cloud))
-    for number, window in enumerate(windows[1:], start=1):
+    for number in range(1, len(errors)):
         here = size == number
         rows = grid.index[here]
-        ratio[rows] = grid.w[here] / window.w[here]
+        ratio[rows] = grid.w[here] / values[number][here]
         share[rows] = np.sqrt(np.minimum(errors[number][here] / own[rows], 1.0))
-    return _moved(cloud, ratio, share, size[size > 0])
+    return _moved(cloud, ratio, share, np.array(sides)[size[size > 0]])
 
 
-def _moved(cloud: Cloud, ratio: FloatArray, share: FloatArray, sizes: IntArray) -> Cloud:
-    """The cloud with points that many times as far away, and that share of their sigma."""
+def _beside_creases(
+    grid: SurfaceGrid, windows: list[_Window], last: float, values: list[FloatArray], errors: list[FloatArray]
+) -> None:
+    """Values and expected errors of the two sides of creases, added to those of windows, which do not count there.
+    Neighbours that err alike leave what they leave of the largest window."""
+    ends = ~np.isfinite(grid.w)
+    ends[:, :-1] |= ~grid.right
+    ends[:-1] |= ~grid.down
+    around = windows[-1].variance
+    found = find_creases(np.nan_to_num(grid.w), around, ends, windows[-1].fits, HALVES[-1])
+    for number in range(1, len(windows)):
+        errors[number] = np.where(found.told, np.inf, errors[number])
+    left = found.left + max(last - windows[-1].left, 0.0)
+    values.append(found.values)
+    errors.append(np.where(found.told, left * around, np.inf))
+
+
+def _moved(cloud: Cloud, ratio: FloatArray, share: FloatArray, sides: IntArray) -> Cloud:
+    """The cloud with points that many times as far away, and that share of their sigma; of those moved the windows'
+    sides."""
     assert cloud.sigma is not None
     sigma, known = cloud.sigma * share, cloud.uncertainty
     if known is not None:
@@ -101,8 +124,8 @@ def _moved(cloud: Cloud, ratio: FloatArray, share: FloatArray, sizes: IntArray) 
         known = replace(known, camera_sigma_px=camera, projector_sigma_px=projector)
     card = {
         **cloud.card,
-        "smoothed": len(sizes),
-        "smoothed_cells": _side(int(np.median(sizes))) if len(sizes) else 1,
+        "smoothed": len(sides),
+        "smoothed_cells": int(np.median(sides)) if len(sides) else 1,
         "sigma": float(np.nanmedian(sigma)) if np.isfinite(sigma).any() else None,
     }
     return replace(cloud, points=cloud.points * ratio[:, None], sigma=sigma, uncertainty=known, card=card)
@@ -154,11 +177,6 @@ def _steps(windows: list[_Window]) -> tuple[list[float], float]:
         steps.append(level * (finer.left - coarser.left))
     alike = sum(steps) < INDEPENDENT * (1 - windows[-1].left)
     return steps, 1 - sum(steps) if alike else level * windows[-1].left
-
-
-def _side(number: int) -> int:
-    """Cells along a window."""
-    return 2 * HALVES[number - 1] + 1
 
 
 def _opposite(values: FloatArray) -> FloatArray:

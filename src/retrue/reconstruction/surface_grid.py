@@ -18,6 +18,7 @@ from retrue.geometry.robust import MAD_TO_SIGMA
 
 LARGEST_GRID = 200_000_000  # cells; more is a mistake, and would not fit into memory
 NOISE_SIGMAS = 6.0  # what exceeds so many robust sigmas is not noise
+OWN_SIGMAS = 3.0  # of what two points err by themselves: a step of less is noise, too, where few steps are noisy
 SPACING_FRACTION = 0.5  # a kink of this many point spacings in one step, about 27 degrees, is still a surface
 
 
@@ -47,10 +48,12 @@ class SurfaceGrid:
         return np.concatenate([left, upper]), np.concatenate([right, lower])
 
 
-def surface_grid(points: FloatArray, cells: IntArray) -> SurfaceGrid:
+def surface_grid(points: FloatArray, cells: IntArray, sigma: FloatArray | None = None) -> SurfaceGrid:
     """The grid of points (N, 3) of the camera frame in cells (N, 2), row and column, from the first ones in use.
 
-    Where two points claim one cell, the later one holds it. Raises `InputError` for a grid beyond memory.
+    Where two points claim one cell, the later one holds it. Raises `InputError` for a grid beyond memory. With `sigma`
+    (N,) along the rays, what points err by themselves makes no jumps: where neighbours mostly err alike, as those of
+    one stripe do, most steps show none of the noise that the steps from stripe to stripe have.
     """
     index = cell_index(cells)
     w = np.where(index >= 0, 1 / points[index, 2], np.nan)
@@ -61,8 +64,13 @@ def surface_grid(points: FloatArray, cells: IntArray) -> SurfaceGrid:
     )
     angle = float(np.median(angles)) if len(angles) else 0.0
     limit = jump_limit(residuals, w, angle)
-    right = step_right <= np.fmin(limit[:, :-1], limit[:, 1:])
-    down = step_down <= np.fmin(limit[:-1], limit[1:])
+    right_limit, down_limit = np.fmin(limit[:, :-1], limit[:, 1:]), np.fmin(limit[:-1], limit[1:])
+    if sigma is not None:
+        own = (OWN_SIGMAS * sigma / (np.linalg.norm(points, axis=1) * points[:, 2])) ** 2
+        square = np.where(index >= 0, own[index], np.nan)
+        right_limit = np.fmax(right_limit, np.sqrt(square[:, :-1] + square[:, 1:]))
+        down_limit = np.fmax(down_limit, np.sqrt(square[:-1] + square[1:]))
+    right, down = step_right <= right_limit, step_down <= down_limit
     return SurfaceGrid(index, w, right, down, limit)
 
 

@@ -1,4 +1,5 @@
 import json
+from dataclasses import replace
 
 import numpy as np
 import pycolmap
@@ -70,4 +71,23 @@ def test_what_a_tool_cannot_hold_is_refused_before_anything_is_written(tmp_path)
         write_colmap(tmp_path, CLOUD, rig_views(skewed, CLOUD, None, None))
     with pytest.raises(InputError, match="expected a view with a picture, found none"):
         write_nerfstudio(tmp_path, CLOUD, rig_views(RIG, CLOUD, None, None))
+    assert not list(tmp_path.iterdir())
+
+
+@pytest.mark.parametrize("write", [write_colmap, write_nerfstudio])
+@pytest.mark.parametrize(
+    ("change", "said"),
+    [
+        ({"name": "two words"}, "expected names of one word each, all different, found 'two words'"),
+        ({"name": "../up"}, "found '../up'"),
+        ({"name": ""}, "found ''"),
+        ({"name": "projector"}, "found 'projector' in \\['projector', 'projector'\\]"),
+        ({"picture": PHOTOGRAPH[:24]}, "camera: expected a picture of the camera's 64 x 48 pixels, found 64 x 24"),
+        ({"pixels": CLOUD.camera_px[1:]}, "camera: expected a pixel of each of"),
+    ],
+)
+def test_views_that_do_not_suit_are_refused_before_anything_is_written(tmp_path, write, change, said):
+    camera, projector = rig_views(RIG, CLOUD, PHOTOGRAPH, SHOWN)
+    with pytest.raises(InputError, match=said):
+        write(tmp_path, CLOUD, [replace(camera, **change), projector])
     assert not list(tmp_path.iterdir())

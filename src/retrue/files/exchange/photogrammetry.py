@@ -7,6 +7,7 @@ out. The world is the cloud's frame, which for one capture is the rig's camera.
 from __future__ import annotations
 
 import json
+import re
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -36,7 +37,7 @@ class View:
 
     Attributes
     ----------
-    name : of its file, without the ending.
+    name : of its file, without the ending; one word, which COLMAP's lists of words can hold, of this view alone.
     camera : its intrinsics.
     device_from_world : its pose, in the cloud's unit.
     pixels : (N, 2) where it sees each point of the cloud; NaN where it does not.
@@ -73,11 +74,12 @@ def write_colmap(folder: str | Path, cloud: Cloud, views: Sequence[View]) -> Non
 
     Raises
     ------
-    InputError : a lens with skew or thin prisms, which COLMAP cannot hold. `FileError` : it cannot be written.
+    InputError : views that do not suit each other or the cloud, or a lens with skew or thin prisms, which COLMAP cannot
+        hold. `FileError` : it cannot be written.
     """
     folder = require_path(folder, "write_colmap(folder, cloud, views)")
     require_cloud(cloud)
-    require_kinds(views, View, "views", "retrue.rig_views makes them")
+    _require_views(views, cloud)
     cameras = [_colmap_camera(number, view) for number, view in enumerate(views, start=1)]
     sparse = _made(folder / "sparse" / "0")
     _write_lines(sparse / "cameras.txt", cameras)
@@ -101,13 +103,14 @@ def write_nerfstudio(folder: str | Path, cloud: Cloud, views: Sequence[View]) ->
 
     Raises
     ------
-    InputError : no view has a picture, a lens that it cannot hold, or a unit of unknown length.
+    InputError : views that do not suit each other or the cloud, none with a picture, a lens that it cannot hold, or a
+        unit of unknown length.
     """
     from retrue.files.ply import write_cloud
 
     folder = require_path(folder, "write_nerfstudio(folder, cloud, views)")
     require_cloud(cloud)
-    require_kinds(views, View, "views", "retrue.rig_views makes them")
+    _require_views(views, cloud)
     metres = metres_per(cloud.unit)
     views = [view for view in views if view.picture is not None]
     if not views:
@@ -124,6 +127,20 @@ def write_nerfstudio(folder: str | Path, cloud: Cloud, views: Sequence[View]) ->
     whole = {"camera_model": "OPENCV", "ply_file_path": "points.ply", "depth_unit_scale_factor": 1 / DEPTH_SCALE}
     with replaced_file(folder / "transforms.json") as stream:
         stream.write(json.dumps({**whole, "frames": frames}, indent=1).encode())
+
+
+def _require_views(views: Sequence[View], cloud: Cloud) -> None:
+    require_kinds(views, View, "views", "retrue.rig_views makes them")
+    names = [view.name for view in views]
+    for view in views:
+        if not re.fullmatch(r"[^\s/\\]+", view.name) or names.count(view.name) > 1:
+            raise InputError(f"views: expected names of one word each, all different, found {view.name!r} in {names}")
+        if len(view.pixels) != len(cloud):
+            raise InputError(f"{view.name}: expected a pixel of each of {len(cloud)} points, found {len(view.pixels)}")
+        raster = None if view.picture is None else (view.picture.shape[1], view.picture.shape[0])
+        if raster not in (None, view.camera.size):
+            found, expected = (f"{width} x {height}" for width, height in (raster, view.camera.size))
+            raise InputError(f"{view.name}: expected a picture of the camera's {expected} pixels, found {found}")
 
 
 def _colmap_camera(number: int, view: View) -> str:
