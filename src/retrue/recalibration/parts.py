@@ -341,7 +341,7 @@ def other_parts(posteriors: Sequence[Posterior], rng: np.random.Generator) -> li
 def most_unexplained(parts: Sequence[Part], posterior: Posterior) -> Part | None:
     """The largest part that is not of the hypothesis itself."""
     outside = unexplained(posterior)
-    return max((part for part in parts if _of_another_pose(part, outside)), key=lambda one: one.count, default=None)
+    return max((part for part in parts if of_another_pose(part, outside)), key=lambda one: one.count, default=None)
 
 
 def part_of_essential(
@@ -372,7 +372,7 @@ def parts_apart(posterior: Posterior, part: Part | None, missed: FloatArray) -> 
     found = planes_apart(posterior, outside, missed)
     if part is not None and part.essential is not None:
         same = part_of_essential(posterior, outside, part.essential, part.reach, part.lens)
-        found += [same] if _of_another_pose(same, outside) else []
+        found += [same] if of_another_pose(same, outside) else []
     return found
 
 
@@ -381,7 +381,7 @@ def belongs_to(posterior: Posterior, part: Part) -> bool:
     return 2 * int(np.count_nonzero(part.rows & ~unexplained(posterior))) > part.count
 
 
-def _of_another_pose(part: Part, outside: BoolArray) -> bool:
+def of_another_pose(part: Part, outside: BoolArray) -> bool:
     """Whether it is a part of what is unexplained, larger than chance makes: else its pose is the hypothesis' own."""
     fewest = max(FEWEST_OF_A_PART, SHARE_OF_A_PART * int(np.count_nonzero(outside)))
     return int(np.count_nonzero(part.rows & outside)) >= fewest
