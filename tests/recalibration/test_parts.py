@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from benchmarks.judgement.kinds import draw
 from retrue.correspondences import Card, Correspondences
 from retrue.geometry.nearest import nearest_of_all
 from retrue.geometry.transform import direction_angle, rotation_angle, vector_from_rotation
@@ -239,6 +240,13 @@ def test_pins_on_a_wall_are_no_plane_that_alternates_with_it(seed: int) -> None:
         bumped(RIG, [1, 1, 1], [1, 1, 1]), [Correspondences(pixels + noise[0], seen + noise[1])], RecalibrateOptions()
     )
     assert np.degrees(rotation_angle(judgement.answer.pose.R @ POSE.R.T)) < 0.5
+
+
+def test_what_moved_is_a_part_though_much_of_the_rest_agrees_with_its_pose_too() -> None:
+    case = draw("moved object", 120000017)
+    rig, captures = case.told.public(), [one.public() for one in case.captures]
+    judgement = judge(rig, captures, RecalibrateOptions())
+    assert np.degrees(rotation_angle(judgement.answer.pose.R @ case.truths[0].R.T)) < 0.5
 
 
 def off_the_wall(right: int, wrong: int) -> np.ndarray:
