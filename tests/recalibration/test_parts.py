@@ -13,6 +13,7 @@ from retrue.geometry.nearest import nearest_of_all
 from retrue.geometry.transform import direction_angle, rotation_angle, vector_from_rotation
 from retrue.geometry.two_view import FREE, TwoViewPoints, tangent_basis
 from retrue.recalibration.chance import beyond_chance, without_chance
+from retrue.recalibration.doubtful_planes import planes_between
 from retrue.recalibration.fit import Support, evaluate
 from retrue.recalibration.judge import judge
 from retrue.recalibration.lens import stated_prior
@@ -240,6 +241,11 @@ def test_pins_on_a_wall_are_no_plane_that_alternates_with_it(seed: int) -> None:
         bumped(RIG, [1, 1, 1], [1, 1, 1]), [Correspondences(pixels + noise[0], seen + noise[1])], RecalibrateOptions()
     )
     assert np.degrees(rotation_angle(judgement.answer.pose.R @ POSE.R.T)) < 0.5
+
+
+def test_a_plane_without_any_of_the_points_is_not_between_others() -> None:
+    plane, neighbours = np.array([0, 1, 0, 0, 0, 0]), np.array([[1, 2, 3, 4], [0, 2, 3, 4], *[[0, 1, 3, 5]] * 4])
+    assert planes_between(plane, neighbours, 3).tolist() == [False, True, False]
 
 
 def test_what_moved_is_a_part_though_much_of_the_rest_agrees_with_its_pose_too() -> None:

@@ -37,13 +37,12 @@ def curved_planes(posterior: Posterior) -> BoolArray:
     return gone
 
 
-def planes_between(plane: IntArray, neighbours: IntArray) -> BoolArray:
+def planes_between(plane: IntArray, neighbours: IntArray, planes: int) -> BoolArray:
     """(P,) planes most of whose points lie between points of another one, each by itself.
 
     Surfaces are opaque: these are the other's noise, copies of it, or things as small as a point. `plane` (N,) is that
-    of each point, `neighbours` (N, 4) the nearest.
+    of each point, `neighbours` (N, 4) the nearest; of the `planes`, some may have none of the points.
     """
-    planes = int(plane.max(initial=FREE)) + 1
     if not neighbours.size:
         return np.zeros(planes, dtype=np.bool_)
     around = plane_around(plane, neighbours)

@@ -167,9 +167,9 @@ def judge(rig: Rig, captures: Sequence[Correspondences], options: RecalibrateOpt
     few = rays.select(~turned).thinned(COMPARED_POINTS, rng)
     neighbours, old = nearest_points(few), own_pose(rig)
     photographs = all(capture.card is not None and capture.card.counted == "features" for capture in captures)
-    if not photographs and (between := planes_between(few.points.plane_index, neighbours)).any():
-        rays, few = rays.without_planes(between), few.without_planes(between)
-        homographies = [H for H, none in zip(homographies, between, strict=True) if not none]
+    if not photographs:
+        between = planes_between(few.points.plane_index, neighbours, len(homographies))
+        rays, few, homographies = _without_planes(between, rays, few, homographies)
     uneven = noise_covariance(homography_residuals(few.points, homographies), few.points.plane_index, neighbours)
     fits = refined_poses(starting_poses(few.points, homographies, old, noise, rng), Support.of(few), rng)
     tight = stated_prior(rig, options.focal_sigma, options.principal_point_sigma_px, options.k1_sigma)
@@ -223,8 +223,7 @@ def judge(rig: Rig, captures: Sequence[Correspondences], options: RecalibrateOpt
         curved |= bool(free) or (not certain and hidden_by_planes(best, part, tight, wide, old))
         if not curved.any():
             break
-        rays, few = rays.without_planes(curved), few.without_planes(curved)
-        homographies = [H for H, gone in zip(homographies, curved, strict=True) if not gone]
+        rays, few, homographies = _without_planes(curved, rays, few, homographies)
         starts = [fit.parameters.without_planes(curved) for fit in posteriors]
         starts += [Parameters.of(fit.pose) for fit in free]
         # Those poses were of planes that are none, and what is curved often leaves two that differ by little.
@@ -390,3 +389,10 @@ def _measured(
     return Measured(
         rig, camera_px, projector_px, Support.of(rays), shapes, flatness, neighbours, 0.0, missed, textured=textured
     )
+
+
+def _without_planes(
+    gone: BoolArray, rays: Rays, few: Rays, homographies: list[FloatArray]
+) -> tuple[Rays, Rays, list[FloatArray]]:
+    left = [H for H, none in zip(homographies, gone, strict=True) if not none]
+    return rays.without_planes(gone), few.without_planes(gone), left

@@ -105,7 +105,8 @@ def explained_costs(posterior: Posterior, floor: Floor, asides: Sequence[Part]) 
     plane = posterior.points.plane_index
     counts = np.bincount(plane[(plane != FREE) & (posterior.fit.robust_weights[1] > 0)], minlength=1)
     price, parts = posterior.prior_cost + 3 * PARAMETER * int(np.count_nonzero(counts >= FEWEST_OF_A_PLANE)), 0.0
-    foreign = [other for other in asides if of_another_pose(other, unexplained(posterior))]
+    outside = unexplained(posterior)
+    foreign = [other for other in asides if of_another_pose(other, outside)]
     worthy = [other for other in (*posterior.parts, *foreign) if found[other.rows].clip(0.0).sum() > price_of(other)]
     left = [(other, _costs_of_part(other, posterior, floor)) for other in worthy]
     given = np.zeros(len(found), dtype=np.bool_)
