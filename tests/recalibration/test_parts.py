@@ -9,6 +9,7 @@ import pytest
 
 from benchmarks.judgement.kinds import draw
 from retrue.correspondences import Card, Correspondences
+from retrue.geometry.camera import Camera
 from retrue.geometry.nearest import nearest_of_all
 from retrue.geometry.transform import direction_angle, rotation_angle, vector_from_rotation
 from retrue.geometry.two_view import FREE, TwoViewPoints, tangent_basis
@@ -133,6 +134,22 @@ def test_copies_to_both_sides_are_seen_among_wrong_matches_that_are_far_off(
     assert copy is not None
     assert copy.rows[chosen[:copied]].sum() > 0.9 * copied
     assert not copy.rows[chosen[copied:]].any()
+
+
+@pytest.mark.parametrize("finer", [0.25, 4.0])
+def test_a_copy_is_found_whole_whichever_device_has_the_finer_pixels(finer: float) -> None:
+    size = int(1280 * finer), int(960 * finer)
+    camera = Camera(size, np.diag([finer, finer, 1.0]) @ RIG.camera.K, RIG.camera.distortion)
+    measured, truth = measured_scene("wall", rig := replace(RIG, camera=camera), known=rig)
+    points = measured.support.points
+    rows = points.camera_rays.sum(axis=1) < np.quantile(points.camera_rays.sum(axis=1), 0.3)
+    projector_px = measured.projector_px + np.where(rows[:, None], [70.0, -45.0], 0.0)
+    points = replace(points, projector_rays=rig.projector.unproject(projector_px))
+    moved = replace(measured, support=replace(measured.support, points=points), projector_px=projector_px)
+    true = posterior_at(moved, truth, Prior(stated_prior(rig, 0.01, 5.0, 0.02)))
+    copy = shifted_copy(true, unexplained(true))
+    assert copy is not None
+    assert (copy.rows == rows).mean() > 0.99
 
 
 @pytest.mark.parametrize("together", [False, True])

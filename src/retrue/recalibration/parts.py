@@ -157,22 +157,21 @@ def shifted_copy(posterior: Posterior, outside: BoolArray) -> Part | None:
 def _shifted_copy(posterior: Posterior, outside: BoolArray, rows: IntArray, planes: list[PlaneShifts]) -> Part | None:
     """The same, of the rows that are outside, as the planes have them."""
     points, measured = posterior.points, posterior.measured
-    camera, projector = measured.rig.camera, measured.rig.projector
-    focal = projector.K[0, 0]
-    sigma = np.hypot(points.camera_sigma[rows] * camera.K[0, 0], points.projector_sigma[rows] * focal)
+    focals = measured.rig.projector.K[0, 0], measured.rig.camera.K[0, 0]
+    sigma = _sigma(points.select(rows))
     noise = 4 * float(quantile(sigma, 0.5) * posterior.fit.along_noise.total)
     found: list[tuple[BoolArray, FloatArray, int, int]] = []
     for seen in planes:
         for axis in range(2 if measured.textured else 0):
-            mode, missed = _stepped(seen, axis, noise / focal)
-            found.append((mode, missed * focal, 3, seen.plane))
-        for shift in seen.pixels:
-            mode = within_reach_of_mode(shift, CENTRES, noise)
+            mode, missed = _stepped(seen, axis, noise)
+            found.append((mode, missed, 3, seen.plane))
+        for shift, focal in zip(seen.pixels, focals, strict=True):
+            mode = within_reach_of_mode(shift, CENTRES, noise * focal)
             if np.count_nonzero(mode) < FEWEST_OF_A_COPY:
                 continue
             middle = np.array([quantile(along, 0.5) for along in shift[mode].T])
-            if np.abs(middle).max() > noise:  # what lies where the plane has it is no copy
-                found.append((mode, shift - middle, 2, seen.plane))
+            if np.abs(middle).max() > noise * focal:  # what lies where the plane has it is no copy
+                found.append((mode, (shift - middle) / focal, 2, seen.plane))
     nothing = np.zeros(len(rows), dtype=np.bool_), np.empty((0, 2)), 0, 0
     mode, missed, parameters, index = max(found, key=lambda one: np.count_nonzero(one[0]), default=nothing)
     count = int(np.count_nonzero(mode))
