@@ -7,8 +7,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from retrue.geometry.two_view import TwoViewPose
 from retrue.recalibration.judge import judge, objection
-from retrue.recalibration.near_rivals import near_rivals, spread
+from retrue.recalibration.near_rivals import allowed_error, near_rivals, spread
 from retrue.recalibration.options import RecalibrateOptions
 from retrue.recalibration.reasons import RivalUnbeaten
 from retrue.recalibration.result import sigma, sigma_at, working_distance
@@ -56,3 +57,13 @@ def test_a_far_rival_refuses_and_a_near_one_does_not(nats: float) -> None:
         known = sigma_at(distance, covariance, ANSWER.pose, RIG)
         assert isinstance(objection(judgement, known, distance, OPTIONS), RivalUnbeaten) == refused
         assert known.rotation_deg > 0.1 or refused
+
+
+def test_an_error_that_has_points_at_infinity_is_not_allowed_though_a_pixel_is_as_large() -> None:
+    sideways = TwoViewPose(RIG.projector_from_camera.R, np.array([-1.0, 0.0, 0.0]))
+    assert OPTIONS.max_error < allowed_error(RIG, sideways, 30.0, OPTIONS) < 0.1  # a pixel, at a base of .36
+    known = sigma_at(3000.0, ANSWER.covariance, sideways, RIG)
+    assert known.displacement == np.inf
+    for pose in (sideways, replace(sideways, t=-sideways.t)):  # rays a pixel off meet nearer, or not at all
+        assert allowed_error(RIG, pose, 3000.0, OPTIONS) == pytest.approx(1 / 3)
+    assert objection(JUDGED, known, 3000.0, OPTIONS) is not None

@@ -18,12 +18,17 @@ from retrue.recalibration.rivals import Rival
 from retrue.rig import Rig
 from retrue.rig_difference import pixel_displacement
 
+LARGEST_SHARE = 1 / 3  # of the distance
+
 
 def allowed_error(rig: Rig, pose: TwoViewPose, distance: float, options: RecalibrateOptions) -> float:
-    """Of points at that distance, as a share of it: the option, or what one pixel is, where that is more."""
+    """Of points at that distance, as a share of it: the option, or what one pixel is, where that is more.
+
+    An error of more than a third has the points at infinity within three sigma: nothing is measured there.
+    """
     length = float(np.linalg.norm(rig.projector_from_camera.t))
     found = replace(rig, projector_from_camera=RigidTransform(pose.R, pose.t * length))
-    return max(options.max_error, pixel_displacement(found, distance) / distance)
+    return max(options.max_error, min(pixel_displacement(found, distance) / distance, LARGEST_SHARE))
 
 
 def near_rivals(answer: Posterior, rivals: Sequence[Rival], rig: Rig, options: RecalibrateOptions) -> list[Rival]:
