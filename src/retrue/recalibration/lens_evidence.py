@@ -17,7 +17,7 @@ from retrue.recalibration.chance import beyond_chance
 from retrue.recalibration.hypotheses import drawn_in
 from retrue.recalibration.lens import FOCAL, LENS_PARAMETERS, LensPrior, scaled_starts
 from retrue.recalibration.measured import MISFIT_PX
-from retrue.recalibration.parts import LOUD, Part, shifted_copy, unexplained
+from retrue.recalibration.parts import LOUD, Part, shifted_copies, unexplained
 from retrue.recalibration.posterior import Measured, Parameters, Posterior, Prior, fit_posterior, posterior_at
 from retrue.recalibration.rivals import SELDOM, UNEXPLAINED, least, move_deg, move_nats, plane_levels, price_of
 
@@ -215,9 +215,9 @@ def _gain(measured: Measured, best: Posterior, free: Posterior, prior: LensPrior
 
 def _preferred(held: Posterior, free: Posterior, part: Part | None, price: float) -> float:
     costs, theirs = _joint_costs(held, held), _joint_costs(free, held)
-    # The rivals of a changed lens: those points are a copy of a plane, seen in a mirror, or moved, and as well known.
-    copy = shifted_copy(held, unexplained(held))
-    parts = [] if copy is None else [(copy.rows, copy.seldom, price_of(copy))]
+    # The rivals of a changed lens: those points are copies of a plane, seen in a mirror, or moved, and as well known.
+    copies = shifted_copies(held, unexplained(held))
+    parts = [(copy.rows, copy.seldom, price_of(copy)) for copy in copies]
     parts += [(rows, 1.0, PART_PRICE) for rows in (held.measured.aside, part and part.rows) if rows is not None]
     for rows, seldom, own_price in parts:
         gained = np.maximum(costs[rows] - theirs[rows] - seldom * SELDOM, 0.0)
