@@ -7,12 +7,12 @@
 A pose is wrong when it is more than 5 of its own sigma and more than 0.2 deg off, in rotation or direction of t.
 Columns: `lens` how many answers call the lens checked / unchecked / changed; `sure` the wrong ones that call it
 checked or changed; `lazy` the unchecked ones whose points know both focal lengths to 1 %; `owed` the cases whose
-points contradict the lenses handed in by 6 sigma, and before it how many of them were called changed or answered
-right; `tell` of how many cases the points allow an answer inside the limits of `retrue` (Cramer-Rao), and `kept` the
-share of those that was answered and right; `NEES` mean normalised error squared of the five parameters (5 is honest);
-`z` the mean of (error / sigma)^2 of rotation and of direction of t (1 is honest), `e` of (error / bound)^2 (1 is
-efficient); `<3s` the share with both within 3 sigma; then the medians of both errors and of the larger focal
-length's.
+points contradict the lenses handed in by 6 sigma at any pose, and before it how many of them were called changed or
+answered right; `tell` of how many cases the points allow an answer inside the limits of `retrue` (Cramer-Rao), and
+`kept` the share of those that was answered and right; `NEES` mean normalised error squared of the five parameters (5
+is honest); `z` the mean of (error / sigma)^2 of rotation and of direction of t (1 is honest), `e` of (error /
+bound)^2 (1 is efficient); `<3s` the share with both within 3 sigma; then the medians of both errors and of the larger
+focal length's.
 """
 
 from __future__ import annotations
@@ -39,11 +39,10 @@ import retrue
 
 from .kinds import GROUPS, KINDS, Kind, draw
 from .lens import PRIORS
-from .score import Outcome, ask
+from .score import LENS_SIGMAS, Outcome, ask
 
 ANSWERED = ("accepted", "unchanged")
 KNOWN_FOCAL = 0.01
-LENS_SIGMAS = 6.0
 
 
 def trial(name: str, prior: str, old: float | None, settings: Mapping[str, Any], seed: int) -> Outcome:
