@@ -156,6 +156,8 @@ def without_parts(
         starts.append((fit.parameters, parts_apart(fit, part, measured.homography_residuals)))
     if measured.textured:
         starts += [(one.fixed.parameters, [copy]) for one in hypotheses for copy in copies_explained(one.fixed)]
+    else:  # codes that are whole periods off are copies to both sides
+        starts.append((best.parameters, copies_explained(best)))
     level = max(noise.level for noise in best.eased.fit.noises)
     gained = len(points) * 4 * float(np.log(level / min(plane_levels(measured), default=level)))
     if alone and len(homographies) > 1 and not gained < 2 * PARAMETER + RARE:

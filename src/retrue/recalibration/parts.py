@@ -230,10 +230,15 @@ def copies_of_planes(posterior: Posterior, outside: BoolArray) -> list[Part]:
 
 
 def copies_explained(posterior: Posterior) -> list[Part]:
-    """Those copies of planes that may have led the pose: much of what it explains off all planes is of them."""
+    """Those copies of planes that may have led the pose: much of what it explains off all planes is of them.
+
+    A shift along its epipolar lines is another depth, and one that is nearly along them draws the pose a little.
+    """
     explained = posterior.fit.explained
-    fewest = max(FEWEST_OF_A_PART, int(ALIKE * np.count_nonzero(explained & (posterior.points.plane_index == FREE))))
-    return [part for part in posterior.parts if part.name == A_COPY and (part.rows & explained).sum() >= fewest]
+    loose = explained & (posterior.points.plane_index == FREE)
+    fewest = max(FEWEST_OF_A_PART, int(ALIKE * np.count_nonzero(loose)))
+    found = posterior.parts if posterior.measured.textured else shifted_copies(posterior, loose)
+    return [part for part in found if part.name == A_COPY and (part.rows & explained).sum() >= fewest]
 
 
 def copies_seen_through(posterior: Posterior) -> list[Part]:
@@ -286,7 +291,7 @@ def other_part(posterior: Posterior, outside: BoolArray, rng: np.random.Generato
     if len(rows) < FEWEST_OF_A_PART:
         return None
     points = posterior.points.select(rows)
-    noise = _noise(points, posterior.fit.epipolar_noise.total)
+    noise = float(quantile(_sigma(points), 0.5) * posterior.fit.epipolar_noise.total)
     scored = rng.permutation(len(rows))[:600]
     across, down = (np.argsort(axis) for axis in points.camera_rays.T)
 
@@ -393,7 +398,3 @@ def _sigma(points: TwoViewPoints) -> FloatArray:
 
 def _level(missed: FloatArray) -> float:
     return biweight_level(missed.ravel())
-
-
-def _noise(points: TwoViewPoints, level: float) -> float:
-    return quantile(_sigma(points), 0.5) * float(level)
