@@ -5,9 +5,12 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
+import pytest
 
+from benchmarks.judgement.kinds import draw
 from retrue.correspondences import Correspondences
 from retrue.geometry.arrays import FloatArray
+from retrue.geometry.transform import rotation_angle
 from retrue.geometry.two_view import residuals
 from retrue.recalibration.fit import own_pose, pose_difference
 from retrue.recalibration.judge import judge
@@ -87,3 +90,15 @@ def derivative(found: Posterior, parameter: int) -> np.ndarray:
     bows = found.measured.bowed(found.parameters.bows)
     ahead, back = (residuals(found.pose.moved(sign * step), found.points, bows).epipolar for sign in (1, -1))
     return (ahead - back) / 2e-6
+
+
+@pytest.mark.parametrize("seed", [140000332, 140000416])
+def test_a_slow_error_does_not_grow_until_a_wall_is_none(seed: int) -> None:
+    """Across the lines it counted less and less; without the wall, light no longer told its twins apart."""
+    case = draw("wall, hostile, old 10", seed)
+    told = RecalibrateOptions(focal_sigma=case.prior.focal, principal_point_sigma_px=case.prior.centre_px)
+    captures = [capture.public() for capture in case.captures]
+    judgement = judge(case.told.public(), captures, replace(told, k1_sigma=case.prior.k1))
+    assert np.degrees(rotation_angle(judgement.answer.pose.R @ case.truths[0].R.T)) < 0.5
+    assert len(judgement.answer.pose.planes) == 1
+    assert judgement.answer.fit.epipolar_noise.shared < 0.1

@@ -65,6 +65,11 @@ class Support:
         x, plane = rays.points.camera_rays, rays.points.plane_index
         return cls(rays.points, np.stack([grid_blocks(x, rays.capture, BLOCKS), grid_blocks(x, plane, BLOCKS)]))
 
+    @property
+    def captures(self) -> int:
+        """How many the blocks are of."""
+        return int(self.blocks[0].max(initial=0)) // BLOCKS**2 + 1
+
     @cached_property
     def usual_points(self) -> list[FloatArray]:
         """How many points of usual sigma u share each one's block: the sum of (u / s)^2 over its points, by family."""

@@ -33,6 +33,7 @@ GATHERED = 15  # steps
 DRAWN_IN = 1e-7  # of a squared sigma: what follows is settled long before
 SETTLED = 15  # likewise
 MOVES = 30.0  # of chi-square, by which lenses that move must be better; by chance eight numbers gain it once in 5000
+LOPSIDED = 2.0  # noise across the lines over that along them: what a plane leaves is alike
 LEAST_LEFT = 0.05  # of the points, as many as a plane holds at least
 
 
@@ -77,8 +78,21 @@ def hypothesis(
 
 
 def _fixed(measured: Measured, start: Parameters, prior: Prior) -> Posterior:
+    """Through the lenses as they were given.
+
+    A slow error across the lines makes what is across them count less; planes then turn to what is left along them, and
+    it grows. Where it may have, the fit in which no two points share an error is its rival. Captures that share no pose
+    leave such an error, too, and are told by it.
+    """
     start = start if prior.free else replace(start, lens=np.zeros_like(start.lens))
-    return fit_posterior(measured, start, prior, 6)
+    fit = fit_posterior(measured, start, prior, 6)
+    across, along = fit.fit.noises
+    lopsided = len(start.pose.planes) > 0 and across.shared > 0 and across.level > LOPSIDED * along.level
+    if not lopsided or measured.support.captures > 1:
+        return fit
+    alone = fit_posterior(replace(measured, support=measured.support.each_alone()), start, prior, 6)
+    rival = posterior_at(measured, alone.parameters, prior)
+    return min(fit, rival, key=lambda one: float(np.nansum(one.losses)) + one.prior_cost)
 
 
 def _through_real_lenses(fit: Posterior) -> Posterior:
