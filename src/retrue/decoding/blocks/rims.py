@@ -55,7 +55,7 @@ def at_rims(picture: Image, surfaces: Surfaces, duty: float) -> Surfaces:
     apart, steps = apart[len(told) :][maybe], steps[len(told) :][maybe]
     rows, outward = rows[maybe], outward[rows[maybe]]
     shift, near = np.zeros((len(rows), 2, 2)), np.ones((len(rows), 2), dtype=np.bool_)
-    farthest = MOST * lengths(steps)
+    farthest, moved = MOST * lengths(steps), position
     for _ in range(ROUNDS):
         by_side: FloatArray = np.where(outward > 0, apart[..., 0], apart[..., 1])
         off: FloatArray = np.where(outward != 0, by_side, apart.mean(axis=-1))
@@ -77,9 +77,7 @@ def at_rims(picture: Image, surfaces: Surfaces, duty: float) -> Surfaces:
     variance = share * sigma**2 + cut * np.where(alone, 1.0, 1 - cut) * d**2
     doubt = surfaces.doubt.copy()
     doubt.flat[rows] = np.sqrt((variance * pitches**2).sum(axis=-1) + (1 - most) * doubt.flat[rows] ** 2)
-    return replace(
-        surfaces, position=_with_rows(position, rows, (share[..., None] * shift).sum(axis=1)), doubt=doubt
-    )
+    return replace(surfaces, position=_with_rows(position, rows, (share[..., None] * shift).sum(axis=1)), doubt=doubt)
 
 
 def _with_rows(position: FloatArray, rows: IntArray, shift: FloatArray) -> FloatArray:
