@@ -72,3 +72,34 @@ def test_a_pose_is_turned_and_stays_one(size: float) -> None:
         np.testing.assert_allclose(turned, rotation_from_vector(step[:3]) @ R, atol=1e-15)
         moved = axes[0] + step[3] * axes[1] + step[4] * axes[2]
         np.testing.assert_allclose(t, moved / np.linalg.norm(moved), atol=1e-15)
+
+
+@pytest.mark.parametrize("angle", [0.0, 1e-9, 0.3, 3.1, np.pi])
+def test_differences_of_poses_are_rotation_vectors_and_angles_between_directions(angle: float) -> None:
+    rng = np.random.default_rng(3)
+    R, axis, t = rotation_from_vector(rng.normal(size=3)), unit(rng), unit(rng)
+    found, axes = np.empty((2, 5)), np.empty((3, 3))
+    steps.axes(unit(rng), axes)
+    for kernel, step in zip(BOTH, found, strict=True):
+        kernel.difference(R, t, rotation_from_vector(angle * axis) @ R, axes, step)
+    np.testing.assert_allclose(found[0], found[1], rtol=1e-14)
+    np.testing.assert_allclose(rotation_from_vector(found[0, :3]), rotation_from_vector(angle * axis), atol=1e-9)
+    np.testing.assert_allclose(np.linalg.norm(found[0, :3]), angle, atol=1e-8)
+    np.testing.assert_allclose(np.linalg.norm(found[0, 3:]), np.arccos(axes[0] @ t), rtol=1e-9)
+    across = -(axes[1:] @ t)
+    np.testing.assert_allclose(found[0, 3:] / np.linalg.norm(found[0, 3:]), across / np.linalg.norm(across), rtol=1e-9)
+
+
+def test_planes_are_those_of_their_homographies() -> None:
+    rng = np.random.default_rng(4)
+    R, t, planes = rotation_from_vector(rng.normal(size=3)), unit(rng), rng.normal(size=(3, 3))
+    homographies, found = R + t[:, None] * planes[:, None], np.empty((2, 3, 3))
+    for kernel, one in zip(BOTH, found, strict=True):
+        kernel.planes_of_pose(R, t, homographies * rng.uniform(-3, 3, (3, 1, 1)), one)
+        np.testing.assert_allclose(one, planes, rtol=1e-9)
+
+
+def unit(rng: np.random.Generator) -> np.ndarray:
+    """A direction."""
+    t = rng.normal(size=3)
+    return np.asarray(t / np.linalg.norm(t))

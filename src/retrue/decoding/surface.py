@@ -7,7 +7,7 @@ from math import comb
 
 import numpy as np
 
-from retrue.geometry.arrays import BoolArray, FloatArray
+from retrue.geometry.arrays import BoolArray, FloatArray, IntArray
 from retrue.geometry.walks import STEP_WEIGHT, walked
 from retrue.kernels import curvature as bend_kernel
 from retrue.kernels import lattice as kernel
@@ -76,8 +76,13 @@ def bends(position: FloatArray, joints: Joints) -> FloatArray:
 
     The median of five along the line: a bent surface has them alike, a crease bends two.
     """
-    bend = np.empty((*position.shape, 2))
-    bend_kernel.bends(position, joints.right, joints.down, bend)
+    return bends_of(np.arange(position[..., 0].size), position, joints).reshape(*position.shape, 2)
+
+
+def bends_of(blocks: IntArray, position: FloatArray, joints: Joints) -> FloatArray:
+    """(N, 2, 2) the same of some blocks."""
+    bend = np.empty((len(blocks), 2, 2))
+    bend_kernel.bends(position, joints.right, joints.down, blocks, bend)
     return bend
 
 

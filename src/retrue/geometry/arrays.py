@@ -90,5 +90,26 @@ def require_picture(value: object, name: str) -> None:
         raise InputError(f"{name}: expected grey or RGB of uint8 or uint16, found {shape} of {picture.dtype}")
 
 
+def centred(points: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Points (N, 2) about their mean, and that (2,). As complex numbers: NumPy takes rows of two one at a time.
+
+    >>> [part.tolist() for part in centred(np.array([[0.0, 1.0], [4.0, 3.0]]))]
+    [[[-2.0, -1.0], [2.0, 1.0]], [2.0, 2.0]]
+    """
+    numbers = np.ascontiguousarray(points).view(np.complex128)
+    middle = numbers.mean()
+    return (numbers - middle).view(np.float64), np.array([middle.real, middle.imag])
+
+
+def mean_point(points: FloatArray) -> FloatArray:
+    """(2,) mean of points (N, 2), likewise.
+
+    >>> mean_point(np.array([[0.0, 1.0], [4.0, 3.0]])).tolist()
+    [2.0, 2.0]
+    """
+    middle = np.ascontiguousarray(points).view(np.complex128).mean()
+    return np.array([middle.real, middle.imag])
+
+
 def _shape(shape: tuple[int | None, ...]) -> str:
     return " x ".join("N" if length is None else str(length) for length in shape)

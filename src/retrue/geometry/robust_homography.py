@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from retrue.errors import DegenerateError, InputError
-from retrue.geometry.arrays import BoolArray, FloatArray, finite_array
+from retrue.geometry.arrays import BoolArray, FloatArray, centred, finite_array, mean_point
 from retrue.geometry.homography import MINIMAL_POINTS
 from retrue.geometry.robust import MEDIAN_DISTANCE, quantile
 from retrue.kernels import robust_homography as kernel
@@ -184,7 +184,7 @@ def largest_plane(
     To the homography near a `start`, only a sample that more points agree with is preferred.
     """
     rows = rng.choice(len(x), min(SEARCHED_POINTS, len(x)), replace=False)
-    source_center, target_center = x.mean(axis=0), y.mean(axis=0)
+    source_center, target_center = mean_point(x), mean_point(y)
     s, d = x[rows] - source_center, y[rows] - target_center
     scored, cutoff = min(SCORED_POINTS, len(rows)), CUTOFF * noise
     least = max(MINIMAL_POINTS, fewest * scored / len(x))
@@ -212,19 +212,18 @@ def refined_plane(
     H: FloatArray, x: FloatArray, y: FloatArray, noise: float, fewest: int, reach: float
 ) -> RobustHomography | None:
     """The homography near H that the most points agree with; None where fewer than `fewest` do, or as by chance."""
-    source_center, target_center = x.mean(axis=0), y.mean(axis=0)
-    s, d = x - source_center, y - target_center
-    centred = _shifted(H, source_center, -target_center).ravel()
+    (s, source_center), (d, target_center) = centred(x), centred(y)
+    about = _shifted(H, source_center, -target_center).ravel()
     least = max(MINIMAL_POINTS, fewest)
-    if not kernel.refine(s, d, len(s), reach * noise, least, FINAL_STEPS, centred) > 0:
+    if not kernel.refine(s, d, len(s), reach * noise, least, FINAL_STEPS, about) > 0:
         return None
-    relative = _distances(centred, s, d) / (CUTOFF * noise)
+    relative = _distances(about, s, d) / (CUTOFF * noise)
     inliers = relative < 1
     if not np.count_nonzero(inliers) >= fewest:
         return None
     if not float(np.sqrt(np.mean(relative[inliers] ** 2))) <= LARGEST_SCATTER:
         return None
-    H = _shifted(centred.reshape(3, 3), -source_center, target_center)  # with H33 = 1: the centre is in front
+    H = _shifted(about.reshape(3, 3), -source_center, target_center)  # with H33 = 1: the centre is in front
     return RobustHomography(H / np.linalg.norm(H), inliers, noise)
 
 

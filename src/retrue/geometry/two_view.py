@@ -308,9 +308,13 @@ def planes_of_pose(R: FloatArray, t: FloatArray, homographies: list[FloatArray])
     [[0.1, 0.2, 0.3]]
     """
     planes = np.empty((len(homographies), 3))
-    for index, H in enumerate(homographies):
-        # lambda from the rows that t does not touch: [t]x (lambda H - R) = 0.
-        turned = t[1] * H[2] - t[2] * H[1], t[2] * H[0] - t[0] * H[2], t[0] * H[1] - t[1] * H[0]
-        A, B = np.stack(turned, axis=1).T, skew(t) @ R
-        planes[index] = t @ (H * (np.sum(A * B) / np.sum(A * A)) - R)
+    if homographies:
+        steps.planes_of_pose(np.ascontiguousarray(R), np.ascontiguousarray(t), np.stack(homographies), planes)
     return planes
+
+
+def pose_difference(pose: TwoViewPose, other: TwoViewPose) -> FloatArray:
+    """(5,) from a pose to another, in the frame of that, see `pose_covariance`; an angle also where t is far off."""
+    step, given = np.empty(POSE_PARAMETERS), [np.ascontiguousarray(part) for part in (pose.R, pose.t, other.R)]
+    steps.difference(given[0], given[1], given[2], direction_axes(other.t), step)
+    return step

@@ -67,13 +67,15 @@ def bends(
     position: cython.const[cython.double][:, :, ::1],
     right: cython.const[cython.uchar][:, :],
     down: cython.const[cython.uchar][:, :],
-    bend: cython.double[:, :, :, ::1],
+    blocks: cython.const[cython.Py_ssize_t][::1],
+    bend: cython.double[:, :, ::1],
 ) -> cython.void:
-    """`bend` (rows, columns, 2, 2) <- the median second difference of five along the row, along the column; or 0."""
-    cython.declare(r=cython.Py_ssize_t, c=cython.Py_ssize_t, axis=cython.Py_ssize_t)
+    """`bend` (N, 2, 2) <- of N blocks, the median second difference of five along the row, along the column; or 0."""
+    cython.declare(k=cython.Py_ssize_t, r=cython.Py_ssize_t, c=cython.Py_ssize_t, axis=cython.Py_ssize_t)
     with cython.nogil:
-        for r in range(position.shape[0]):
-            for c in range(position.shape[1]):
-                for axis in range(2):
-                    bend[r, c, 0, axis] = _usual(position, right, r, c, 0, axis)
-                    bend[r, c, 1, axis] = _usual(position, down, r, c, 1, axis)
+        for k in range(blocks.shape[0]):
+            r = blocks[k] // position.shape[1]
+            c = blocks[k] - r * position.shape[1]
+            for axis in range(2):
+                bend[k, 0, axis] = _usual(position, right, r, c, 0, axis)
+                bend[k, 1, axis] = _usual(position, down, r, c, 1, axis)

@@ -344,9 +344,9 @@ def of_one_step(
             count = 0
             for n in range(places.shape[0]):
                 w = weights[n]
-                depth = forth[n, 2] + w * ahead
-                missed[n, 0] = places[n, 0] - (forth[n, 0] + w * right) / depth
-                missed[n, 1] = places[n, 1] - (forth[n, 1] + w * down) / depth
+                nearness = 1 / (forth[n, 2] + w * ahead)
+                missed[n, 0] = places[n, 0] - (forth[n, 0] + w * right) * nearness
+                missed[n, 1] = places[n, 1] - (forth[n, 1] + w * down) * nearness
                 if members[n]:
                     far = max(fabs(missed[n, 0]), fabs(missed[n, 1]))
                     room[count] = far if far < INFINITY else INFINITY

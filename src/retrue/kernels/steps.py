@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import cython
-from cython.cimports.libc.math import fabs, sin, sqrt
+from cython.cimports.libc.math import atan2, fabs, sin, sqrt
 
 POSE = cython.declare(cython.Py_ssize_t, 5)
 UNKNOWNS = cython.declare(cython.Py_ssize_t, 8)  # of one point: the pose, and n of its plane
@@ -167,3 +167,73 @@ def axes(t: cython.const[cython.double][::1], found: cython.double[:, ::1]) -> N
     found[0, 0], found[0, 1], found[0, 2] = x, y, z
     found[1, 0], found[1, 1], found[1, 2] = u, v, w
     found[2, 0], found[2, 1], found[2, 2] = y * w - z * v, z * u - x * w, x * v - y * u
+
+
+def difference(
+    R: cython.const[cython.double][:, ::1],
+    t: cython.const[cython.double][::1],
+    other: cython.const[cython.double][:, ::1],
+    axes: cython.const[cython.double][:, ::1],
+    step: cython.double[::1],
+) -> None:
+    """`step` (5,) <- the rotation vector of the other R times R^T, and the angle from t to the other along its axes.
+
+    `axes` (3, 3) are the other t and the two across it. Of the quaternion (x, y, z, w), the row of its outer product
+    with itself counts that is longest, and has no cancellation.
+    """
+    cython.declare(i=cython.Py_ssize_t, j=cython.Py_ssize_t, longest=cython.Py_ssize_t)
+    turn = cython.declare(cython.double[9])
+    rows = cython.declare(cython.double[16])
+    with cython.nogil:
+        for i in range(3):
+            for j in range(3):
+                turn[3 * i + j] = other[i, 0] * R[j, 0] + other[i, 1] * R[j, 1] + other[i, 2] * R[j, 2]
+        trace = turn[0] + turn[4] + turn[8]
+        for i in range(3):
+            rows[5 * i] = 1 - trace + 2 * turn[4 * i]
+            for j in range(3):
+                if i != j:
+                    rows[4 * i + j] = turn[3 * i + j] + turn[3 * j + i]
+        rows[15] = 1 + trace
+        rows[3], rows[7], rows[11] = turn[7] - turn[5], turn[2] - turn[6], turn[3] - turn[1]
+        rows[12], rows[13], rows[14] = rows[3], rows[7], rows[11]
+        longest = 0
+        for i in range(1, 4):
+            if rows[5 * i] > rows[5 * longest]:
+                longest = i
+        x, y, z, w = rows[4 * longest], rows[4 * longest + 1], rows[4 * longest + 2], rows[4 * longest + 3]
+        if w < 0:
+            x, y, z, w = -x, -y, -z, -w
+        sine = sqrt(x * x + y * y + z * z)
+        factor = 2 * atan2(sine, w) / sine if sine > 0 else 0.0
+        step[0], step[1], step[2] = factor * x, factor * y, factor * z
+        along = axes[0, 0] * t[0] + axes[0, 1] * t[1] + axes[0, 2] * t[2]
+        first = axes[1, 0] * t[0] + axes[1, 1] * t[1] + axes[1, 2] * t[2]
+        second = axes[2, 0] * t[0] + axes[2, 1] * t[1] + axes[2, 2] * t[2]
+        sine = sqrt(first * first + second * second)
+        factor = atan2(sine, along) / sine if sine > 0 else 1.0
+        step[3], step[4] = -factor * first, -factor * second
+
+
+def planes_of_pose(
+    R: cython.const[cython.double][:, ::1],
+    t: cython.const[cython.double][::1],
+    homographies: cython.const[cython.double][:, :, ::1],
+    planes: cython.double[:, ::1],
+) -> None:
+    """`planes` (P, 3) <- n of lambda H = R + t n^T, lambda from what t does not touch: [t]x (lambda H - R) = 0."""
+    cython.declare(i=cython.Py_ssize_t, j=cython.Py_ssize_t, k=cython.Py_ssize_t)
+    with cython.nogil:
+        for k in range(homographies.shape[0]):
+            both, square = 0.0, 0.0
+            for i in range(3):
+                u, v = t[(i + 1) % 3], t[(i + 2) % 3]
+                for j in range(3):
+                    a = u * homographies[k, (i + 2) % 3, j] - v * homographies[k, (i + 1) % 3, j]
+                    b = u * R[(i + 2) % 3, j] - v * R[(i + 1) % 3, j]
+                    both += a * b
+                    square += a * a
+            for j in range(3):
+                planes[k, j] = 0.0
+                for i in range(3):
+                    planes[k, j] += t[i] * (homographies[k, i, j] * (both / square) - R[i, j])

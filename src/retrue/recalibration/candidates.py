@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from retrue.errors import DegenerateError
-from retrue.geometry.arrays import BoolArray, FloatArray, IntArray
+from retrue.geometry.arrays import BoolArray, FloatArray, IntArray, mean_point
 from retrue.geometry.five_points import best_essentials, poses_of_essential
 from retrue.geometry.planar_pose import PlanarPose, planar_pose_candidates, twin_pose
 from retrue.geometry.robust import CUTOFF, quantile
@@ -77,7 +77,7 @@ def with_planes(
         mine = np.flatnonzero(of_it if turned is None else of_it & ~turned)
         if len(mine) < options.min_points:
             continue
-        x, y = points.camera_rays[mine], points.projector_rays[mine]
+        x, y = (np.take(seen, mine, axis=0) for seen in (points.camera_rays, points.projector_rays))
         told_px = max(2 * local_noise(x, y, rng) * projector_focal_px, PLANARITY_PX)
         found, index = split_planes(x, y, min(told_px, options.max_noise_px) / projector_focal_px, **limits)
         if not found and told_px > options.max_noise_px:
@@ -110,7 +110,8 @@ def split_planes(
     fewest = max(min_points, len(camera_rays) // 20)
     while len(homographies) < max_planes and len(left) >= fewest:
         thorough = MOST_HYPOTHESES if not homographies else HYPOTHESES  # without a first plane there is no answer
-        found = largest_plane(camera_rays[left], projector_rays[left], noise, fewest, rng, thorough)
+        x, y = (np.take(seen, left, axis=0) for seen in (camera_rays, projector_rays))
+        found = largest_plane(x, y, noise, fewest, rng, thorough)
         if found is None and not homographies:  # where most neighbours are wrong, noise is less than they say
             noise /= 2
             apart = rng.spawn(1)[0]  # scenes without planes draw what they did
@@ -149,9 +150,9 @@ def twins_of_planes(points: TwoViewPoints, homographies: list[FloatArray]) -> li
     found: list[tuple[int, TwoViewPose]] = []
     largest: list[int] = np.argsort(-counts)[:STARTING_PLANES].tolist()
     for plane in largest:
-        rays = points.camera_rays[points.plane_index == plane]
+        rays = np.take(points.camera_rays, np.flatnonzero(points.plane_index == plane), axis=0)
         try:
-            twins = planar_pose_candidates(homographies[plane], [*rays.mean(axis=0), 1.0])
+            twins = planar_pose_candidates(homographies[plane], [*mean_point(rays), 1.0])
         except DegenerateError:
             continue
         found += [(plane, _seen(pose.R, pose.translation_over_distance, homographies)) for pose in twins]
@@ -224,7 +225,7 @@ def twins_of(pose: TwoViewPose, points: TwoViewPoints) -> list[TwoViewPose]:
         length = float(np.linalg.norm(n))
         if not (mine.any() and length > 0):
             continue
-        x = [*points.camera_rays[mine].mean(axis=0), 1.0]
+        x = [*mean_point(points.camera_rays[mine]), 1.0]
         try:
             twin = twin_pose(PlanarPose(pose.R, pose.t * length, n / length), x)
         except DegenerateError:

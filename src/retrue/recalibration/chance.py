@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from retrue.geometry.arrays import BoolArray, FloatArray
+from retrue.geometry.arrays import BoolArray, FloatArray, IntArray
 from retrue.geometry.nearest import nearest_of_all
 from retrue.geometry.robust import CUTOFF, count_between, silenced
 from retrue.geometry.two_view import FREE, Residuals, behind
@@ -114,19 +114,20 @@ def strays(fit: PoseFit, aside: BoolArray | None) -> BoolArray:
     free = fit.points.plane_index == FREE
     asked = np.flatnonzero(free if aside is None else free & ~aside)
     relative = np.abs(fit.found.epipolar[asked]) / fit.epipolar_noise.level
-    inverse_depth = _inverse_depths(fit)
     near, far = asked[relative < CUTOFF], np.sort(relative[relative >= CUTOFF])
     found = np.zeros(len(free), dtype=np.bool_)
     found[near] = behind(fit.pose, fit.points, fit.epipolar_noise.level)[near]
     if len(far) == 0 or len(near) < 2 * NEIGHBOURS:
         return found
     reach = max(WIDE, float(far[:ENOUGH][-1]))
-    beyond = asked[(relative >= CUTOFF) & (relative <= reach) & (inverse_depth[asked] > 0)]
-    x = fit.points.camera_rays
+    inverse_depth, x = _inverse_depths(fit, near), fit.points.camera_rays
+    beyond = asked[(relative >= CUTOFF) & (relative <= reach)]
+    depth_beyond = _inverse_depths(fit, beyond)
+    beyond, depth_beyond = beyond[depth_beyond > 0], depth_beyond[depth_beyond > 0]
     own = nearest_of_all(x[near], x[near], NEIGHBOURS + 1)[1][:, 1:]
     others = nearest_of_all(x[near], x[beyond], NEIGHBOURS)[1]
-    over = _over_most_alike(inverse_depth[near], inverse_depth[near][own])
-    wrong = _over_most_alike(inverse_depth[beyond], inverse_depth[near][others])
+    over = _over_most_alike(inverse_depth, inverse_depth[own])
+    wrong = _over_most_alike(depth_beyond, inverse_depth[others])
     share = CUTOFF / (reach - CUTOFF)
     for side in (1, -1):
         found[near] |= outlying(side * over, side * wrong, share)
@@ -171,8 +172,15 @@ def _over_most_alike(inverse_depth: FloatArray, neighbours: FloatArray) -> Float
     return np.take_along_axis(over, np.abs(over).argmin(axis=1)[:, None], axis=1)[:, 0]
 
 
-def _inverse_depths(fit: PoseFit) -> FloatArray:
-    """(N,) rho of y x (R x + rho t) = 0, least squares: of the camera's depth in units of |t|, below 0 behind it."""
-    x, y = (np.column_stack([rays, np.ones(len(rays))]) for rays in (fit.points.camera_rays, fit.points.projector_rays))
-    a, b = np.cross(y, x @ fit.pose.R.T), np.cross(y, fit.pose.t)
-    return np.asarray(-(a * b).sum(axis=1) / np.maximum((b * b).sum(axis=1), 1e-300))
+def _inverse_depths(fit: PoseFit, rows: IntArray) -> FloatArray:
+    """(rows,) rho of y x (R x + rho t) = 0, least squares: of the camera's depth in |t|, below 0 behind it."""
+    x, y = (np.ascontiguousarray(rays[rows].T) for rays in (fit.points.camera_rays, fit.points.projector_rays))
+    t = fit.pose.t
+    turned = fit.pose.R[:, :2] @ x + fit.pose.R[:, 2:]
+
+    def crossed(v: FloatArray) -> tuple[FloatArray, ...]:
+        return y[1] * v[2] - v[1], v[0] - y[0] * v[2], y[0] * v[1] - y[1] * v[0]
+
+    a, b = crossed(turned), crossed(t)
+    both, square = (sum(p * q for p, q in zip(one, b, strict=True)) for one in (a, b))
+    return np.asarray(-both / np.maximum(square, 1e-300))

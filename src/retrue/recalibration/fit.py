@@ -21,7 +21,6 @@ from retrue.geometry.robust import (
     noises_and_weights,
     reweighted_level,
 )
-from retrue.geometry.transform import vector_from_rotation
 from retrue.geometry.two_view import (
     FREE,
     NO_BOWS,
@@ -31,6 +30,7 @@ from retrue.geometry.two_view import (
     TwoViewPoints,
     TwoViewPose,
     pose_covariance,
+    pose_difference,
     residuals,
     solve_normal_equations,
     step_equations,
@@ -239,15 +239,6 @@ def same_pose(a: TwoViewPose, b: TwoViewPose) -> bool:
     """Whether two poses are one solution, found twice."""
     near = np.cos(SAME_POSE)  # tr(A B^T) = 1 + 2 cos of the angle between
     return bool(np.vdot(a.R, b.R) > 1 + 2 * near and a.t @ b.t > near)
-
-
-def pose_difference(pose: TwoViewPose, other: TwoViewPose) -> FloatArray:
-    """(5,) from a pose to another, in the frame of that, see `pose_covariance`; an angle also where t is far off."""
-    across = tangent_basis(other.t).T @ -pose.t
-    sine = float(np.linalg.norm(across))
-    if sine > 0:
-        across = across * (float(np.arctan2(sine, other.t @ pose.t)) / sine)
-    return np.concatenate([vector_from_rotation(other.R @ pose.R.T), across])
 
 
 def carried(start: TwoViewPose, end: TwoViewPose) -> FloatArray:

@@ -382,8 +382,9 @@ def _measured(
     textured: bool,
 ) -> Measured:
     rows = [rays.row[rays.capture == index] for index in range(len(captures))]  # one capture after the other
-    camera_px = np.concatenate([capture.camera_px[mine] for capture, mine in zip(captures, rows, strict=True)])
-    projector_px = np.concatenate([capture.projector_px[mine] for capture, mine in zip(captures, rows, strict=True)])
+    each = list(zip(captures, rows, strict=True))
+    camera_px = np.concatenate([np.take(capture.camera_px, mine, axis=0) for capture, mine in each])
+    projector_px = np.concatenate([np.take(capture.projector_px, mine, axis=0) for capture, mine in each])
     missed = homography_residuals(rays.points, homographies)
     shapes = bow_shapes(rays.points)
     return Measured(

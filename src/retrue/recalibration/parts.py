@@ -193,7 +193,7 @@ def _stepped(seen: PlaneShifts, axis: int, noise: float) -> tuple[BoolArray, Flo
     asked, best, missed = apart.copy(), np.zeros(len(apart), dtype=np.bool_), np.zeros((len(apart), 2))
     for _ in range(MOST_MODES):
         rows = np.flatnonzero(asked)
-        rough = rows[within_reach_of_mode(relative[rows], CENTRES, ROUGH_STEP)]
+        rough = rows[within_reach_of_mode(np.take(relative, rows, axis=0), CENTRES, ROUGH_STEP)]
         if len(rough) < FEWEST_OF_A_COPY:
             break
         asked[rough] = False

@@ -38,11 +38,13 @@ class PlaneShifts:
 
     def select(self, rows: BoolArray) -> PlaneShifts:
         """The same of those points."""
-        steps: tuple[FloatArray, ...] = self.weights, self.relative, self.gaps
-        if len(self.gaps):
-            steps = self.weights[:, rows], self.relative[:, rows], self.gaps[rows]
-        left = [np.ascontiguousarray(part) for part in (self.pixels[:, rows], *steps)]
-        return PlaneShifts(self.plane, left[0], self.places[rows], self.forth[rows], *left[1:])
+        left = np.flatnonzero(rows)
+        weights, relative, gaps = self.weights, self.relative, self.gaps
+        if len(gaps):
+            weights, relative = np.take(weights, left, axis=1), np.take(relative, left, axis=1)
+            gaps = gaps[left]
+        places, forth = (np.take(part, left, axis=0) for part in (self.places, self.forth))
+        return PlaneShifts(self.plane, np.take(self.pixels, left, axis=1), places, forth, weights, relative, gaps)
 
 
 def shifts_from_planes(posterior: Posterior, rows: IntArray) -> list[PlaneShifts]:

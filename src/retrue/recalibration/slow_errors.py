@@ -47,8 +47,7 @@ def taken_up(answer: Posterior) -> TakenUp:
 
     in the noise that neighbours are seen to share. As the pose takes up M a, M = A^-1 C, it lacks M E[a a^T] M^T.
     """
-    fields = _fields(answer)
-    cross, squares, left = _equations(answer, fields)
+    cross, squares, left = _equations(answer)
     follows = np.linalg.solve(answer.information, cross)
     weights, variances = _variances(squares - cross.T @ follows, left - follows.T @ answer.gradient)
     own = answer.own_and_lens[0]  # lenses that are not free take up nothing
@@ -56,19 +55,24 @@ def taken_up(answer: Posterior) -> TakenUp:
     return TakenUp(weights, (pose * variances[:, None, :]) @ pose.T)
 
 
-def _fields(answer: Posterior) -> FloatArray:
-    """(K, N) the cosines, of RMS 1; (u, v) run over what is seen of the picture, to 1 along its longer side."""
-    pixels = answer.measured.camera_px
-    place = (pixels - pixels.min(axis=0)) / max(float(np.ptp(pixels, axis=0).max()), 1e-300)
-    waves = np.ones((WAVES, *place.shape))
-    waves[1:] = np.cos(np.pi * np.arange(1, WAVES)[:, None, None] * place) * np.sqrt(2)
-    return (waves[:, None, :, 0] * waves[None, :, :, 1]).reshape(-1, len(pixels))
+def _fields(answer: Posterior, out: FloatArray) -> None:
+    """`out` (K, N) <- the cosines, of RMS 1; (u, v) run over what is seen, to 1 along its longer side."""
+    place = np.ascontiguousarray(answer.measured.camera_px.T)
+    place -= place.min(axis=1, keepdims=True)
+    cosine = np.cos(place * (np.pi / max(float(place.max()), 1e-300)))
+    waves = [np.ones(cosine.shape), cosine]
+    while len(waves) < WAVES:  # cos(k a) = 2 cos(a) cos((k - 1) a) - cos((k - 2) a)
+        waves.append(2 * cosine * waves[-1] - waves[-2])
+    of_rms_1 = np.stack([waves[0], *(wave * np.sqrt(2) for wave in waves[1:])])
+    np.multiply(of_rms_1[:, None, 0], of_rms_1[None, :, 1], out=out.reshape(WAVES, WAVES, -1))
 
 
-def _equations(answer: Posterior, fields: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+def _equations(answer: Posterior) -> tuple[FloatArray, FloatArray, FloatArray]:
     """C (S, K), F^T W F (K, K) and F^T W r (K,); across its line no point knows its plane, nor how that is bowed."""
-    fit, count, bows = answer.fit, len(fields), answer.measured.bowed(answer.parameters.bows)
-    columns = np.concatenate([fields, fit.found.epipolar[None]])[:, None]
+    fit, count, bows = answer.fit, WAVES**2, answer.measured.bowed(answer.parameters.bows)
+    columns = np.empty((count + 1, 1, len(answer.points)))
+    _fields(answer, columns[:count])
+    columns[count] = fit.found.epipolar
     blocks = normal_blocks(answer.pose, answer.points, fit.weights, columns, answer.turns, bows)[-1]
     last = PARAMETERS + count
     found, lenses = slice(PARAMETERS, last), slice(last + 1, last + 1 + LENSES)

@@ -17,8 +17,8 @@ import numpy as np
 
 from retrue.decoding.blocks.centres import CHANNEL_TRUST, SIDE_LINES, beside, off_centre, side_window
 from retrue.decoding.blocks.growth import Surfaces, readable
-from retrue.decoding.surface import Joints, bends, lengths, median, slopes
-from retrue.geometry.arrays import BoolArray, FloatArray, Image
+from retrue.decoding.surface import Joints, bends_of, lengths, median, slopes
+from retrue.geometry.arrays import BoolArray, FloatArray, Image, IntArray
 from retrue.kernels import profiles as kernel
 
 ROUNDS = 6
@@ -46,25 +46,28 @@ def at_rims(picture: Image, surfaces: Surfaces, duty: float) -> Surfaces:
     inside, rim = sides.known & joints.inside(), sides.known & ~joints.inside()
     if not (inside.any() and rim.any()):
         return surfaces
-    told = np.zeros_like(inside)
-    told.flat[np.flatnonzero(inside)[:: max(1, int(inside.sum()) // ENOUGH)]] = True
-    apart, steps = sides.apart(position, told | rim)
-    noise = max(median(np.abs(apart[told]).ravel()) / 0.6745, LEAST_NOISE)
+    told, rows = np.flatnonzero(inside)[:: max(1, int(inside.sum()) // ENOUGH)], np.flatnonzero(rim)
+    apart, steps = sides.apart(position, np.append(told, rows))
+    noise = max(median(np.abs(apart[: len(told)]).ravel()) / 0.6745, LEAST_NOISE)
 
-    rim &= _may_be_cut(apart, outward, noise)
-    shift, near = np.zeros((*position.shape, 2)), np.ones(outward.shape, dtype=np.bool_)
-    farthest = MOST * lengths(steps)
+    outward = outward.reshape(-1, 2)
+    maybe = _may_be_cut(apart[len(told) :], outward[rows], noise)
+    apart, steps = apart[len(told) :][maybe], steps[len(told) :][maybe]
+    rows, outward = rows[maybe], outward[rows[maybe]]
+    shift, near = np.zeros((len(rows), 2, 2)), np.ones((len(rows), 2), dtype=np.bool_)
+    farthest, moved = MOST * lengths(steps), position
     for _ in range(ROUNDS):
         by_side: FloatArray = np.where(outward > 0, apart[..., 0], apart[..., 1])
         off: FloatArray = np.where(outward != 0, by_side, apart.mean(axis=-1))
         shift += off[..., None] * steps
         near &= lengths(shift) < farthest  # no cut moves a block further: it stays, and its step is none to others
         shift[~near] = 0.0
-        apart, steps = sides.apart(position + shift.sum(axis=2), rim)
-    pitches: FloatArray = np.where(rim[..., None], lengths(steps), 1.0)
-    bend = lengths(bends(position + shift.sum(axis=2), joints)) / pitches
+        moved = _with_rows(position, rows, shift[:, 0] + shift[:, 1])
+        apart, steps = sides.apart(moved, rows)
+    pitches = lengths(steps)
+    bend = lengths(bends_of(rows, moved, joints)) / pitches
     sigma = np.hypot(AMPLIFIED * noise, CHANGE_OF_BEND * bend)
-    alone = ~(before | after)
+    alone = ~(before | after).reshape(-1, 2)[rows]
     lack: FloatArray = (apart[..., 0] - apart[..., 1]) / 2
     d: FloatArray = np.where(alone, lack, outward * (shift * steps).sum(axis=-1) / pitches**2)
     whole: FloatArray = np.exp(-0.5 * (d / sigma) ** 2) / (sigma * np.sqrt(2 * np.pi))
@@ -72,16 +75,20 @@ def at_rims(picture: Image, surfaces: Surfaces, duty: float) -> Surfaces:
     most = cut.max(axis=-1)
     share: FloatArray = np.where(outward != 0, cut, most[..., None])
     variance = share * sigma**2 + cut * np.where(alone, 1.0, 1 - cut) * d**2
-    doubt = np.sqrt((variance * pitches**2).sum(axis=-1) + (1 - most) * surfaces.doubt**2)
-    return replace(
-        surfaces,
-        position=np.where(rim[..., None], position + (share[..., None] * shift).sum(axis=2), position),
-        doubt=np.where(rim, doubt, surfaces.doubt),
-    )
+    doubt = surfaces.doubt.copy()
+    doubt.flat[rows] = np.sqrt((variance * pitches**2).sum(axis=-1) + (1 - most) * doubt.flat[rows] ** 2)
+    return replace(surfaces, position=_with_rows(position, rows, (share[..., None] * shift).sum(axis=1)), doubt=doubt)
+
+
+def _with_rows(position: FloatArray, rows: IntArray, shift: FloatArray) -> FloatArray:
+    """(rows, columns, 2) the places, some of them shifted."""
+    moved = position.reshape(-1, 2).copy()
+    moved[rows] += shift
+    return moved.reshape(position.shape)
 
 
 def _may_be_cut(apart: FloatArray, outward: FloatArray, noise: float) -> BoolArray:
-    """(rows, columns) blocks that some side has further out than noise makes it."""
+    """(N,) blocks that some side has further out than noise makes it."""
     before, after = apart[..., 0], apart[..., 1]
     off: FloatArray = np.where(outward > 0, before, np.where(outward < 0, -after, (before - after) / 2))
     return np.asarray((off > CERTAIN * noise).any(axis=-1), dtype=np.bool_)
@@ -114,20 +121,21 @@ class _Sides:
         kernel.weigh_channels(*readable(picture), *there, CHANNEL_TRUST, weights)
         return cls(picture, joints, outward, duty, known, weights)
 
-    def apart(self, position: FloatArray, blocks: BoolArray) -> tuple[FloatArray, FloatArray]:
-        """(rows, columns, 2, 2) pitches along the row and the column from `position` to where those blocks are by the
-        side before and by that after, 0 of others; and those pitches (rows, columns, 2, 2) themselves.
+    def apart(self, position: FloatArray, blocks: IntArray) -> tuple[FloatArray, FloatArray]:
+        """(N, 2, 2) pitches along the row and the column from `position` to where N blocks are by the side before and
+        by that after; and those pitches (N, 2, 2) themselves.
 
         At a rim the step from the only neighbour is that of half a step before.
         """
-        bend = bends(position, self.joints)
-        steps = np.stack(slopes(position, self.joints), axis=2)
-        steps = np.where(blocks[..., None, None], steps + self.outward[..., None] * bend / 2, 0.0)
+        bend = bends_of(blocks, position, self.joints)
+        outward, there = self.outward.reshape(-1, 2), np.ascontiguousarray(position).reshape(-1, 2)
+        right, down = (slope.reshape(-1, 2) for slope in slopes(position, self.joints))
+        steps = np.stack([right[blocks], down[blocks]], axis=1) + outward[blocks][..., None] * bend / 2
+        right[blocks], down[blocks] = steps[:, 0], steps[:, 1]
         s, t = beside(SIDE_LINES, self.duty), np.append(0.0, side_window(self.duty))
-        right, down = (np.ascontiguousarray(steps[:, :, axis]).reshape(-1, 2) for axis in (0, 1))
-        shift, apart = off_centre(bend, self.duty, s).reshape(-1, 4), np.zeros((blocks.size, 4))
-        where = np.flatnonzero(blocks), right, down, shift, self.outward.reshape(-1, 2), np.empty(len(t))
+        shift, apart = np.empty((len(there), 4)), np.zeros((len(there), 4))
+        shift[blocks] = off_centre(bend, self.duty, s).reshape(-1, 4)
+        where = blocks, right, down, shift, outward, np.empty(len(t))
         lines = t, s, (s + s[-1]) / 2
-        there = np.ascontiguousarray(position).reshape(-1, 2)
         kernel.fit_single_sides(*readable(self.picture), *lines, self.weights, *where, there, apart)
-        return apart.reshape(*blocks.shape, 2, 2), steps
+        return apart[blocks].reshape(-1, 2, 2), steps
