@@ -52,18 +52,22 @@ def test_an_edge_is_where_the_margins_balance() -> None:
     place, seen = np.empty(5, np.int32), np.empty((3, 5), np.float32)
     near, far = np.array([[0, 30, 0, 0, 0]], np.uint8), np.array([[0, 90, 0, 0, 0]], np.uint8)
 
-    def found(first: int, bias: tuple[float, float, float]) -> int:
+    bias, spacing = np.zeros((3, 4, 2), np.float32), np.full((1, 5), 0.75, np.float32)
+
+    def found(first: int) -> int:
         code = np.array([[first, first, first + 1, first + 1, first + 3]], np.int16)
         good = np.ones((1, 5), np.uint8)
-        return stripes.find_edges(code, near, far, contrast, noise, good, (0, 1), 1, 0.05, 0.3, bias, place, seen)
+        how = 0.05, 0.3, spacing, bias, 2.0
+        return stripes.find_edges(code, near, far, contrast, noise, good, (0, 1), 1, *how, place, seen)
 
-    assert (found(4, (0.0, 0.0, 0.0)), place[0]) == (1, 1)
+    assert (found(4), place[0]) == (1, 1)
     np.testing.assert_allclose(seen[:, 0], [36 / (36 + 4), 0.25, 4.5], rtol=1e-6)
-    for first, bias in ((4, 0.4), (5, 0.2), (7, 0.1)):  # where bit 0 changes, bit 1, and bit 3
-        assert found(first, (0.4, 0.2, 0.1)) == 1
-        assert seen[1, 0] == pytest.approx(0.25 - bias * 0.25 * 0.75 * 0.5, rel=1e-6)
+    bias[:, 1], bias[:, 2] = [[0.3, 0.1], [0.1, 0.0], [0.0, 0.0]], [[0.5, 0.3], [0.3, 0.0], [0.2, 0.0]]
+    for first, c in ((4, 0.4 + 0.2 * 0.25), (5, 0.2), (7, 0.1)):  # where bit 0 changes, bit 1, and bit 3
+        assert found(first) == 1
+        assert seen[1, 0] == pytest.approx(0.25 - c * 0.25 * 0.75 * 0.5, rel=1e-6)
     contrast[0, 3] = 100  # light leaks there, one pixel from the edge
-    assert found(4, (0.0, 0.0, 0.0)) == 0
+    assert found(4) == 0
 
 
 @pytest.mark.parametrize("along", [0, 1])

@@ -147,7 +147,9 @@ def find_edges(
     along: cython.Py_ssize_t,
     share: cython.float,
     steepest: cython.float,
-    bias: tuple[cython.float, cython.float, cython.float],
+    spacing: cython.const[cython.float][:, ::1],
+    bias: cython.const[cython.float][:, :, ::1],
+    per_stripe: cython.float,
     place: cython.int[::1],
     seen: cython.float[:, ::1],
 ) -> int:
@@ -155,13 +157,16 @@ def find_edges(
 
     Indices are into the rows from the first to before the second of `rows`. Between good neighbours one stripe apart,
     where contrast is steady between them and beside them. With margins as `add_bit` has them, each relative to its own
-    pixel's contrast, they balance at a share f, and the edge is at f - c f (1 - f) (1 - 2 f): c is the first of `bias`
-    where bit 0 changes, the second where bit 1 does, else the third. Its weight is 1 over
+    pixel's contrast, they balance at a share f, and the edge is at f - (c + c' (1 - 2 f)^2) f (1 - f) (1 - 2 f). c and
+    c' are of `bias` (3, S, 2), the first where bit 0 changes, the second where bit 1 does, else the third, at
+    `per_stripe` times the `spacing` there, in stripes a pixel. The weight is 1 over
     1 + (noise / (`share` of both margins))^2.
     """
     cython.declare(y=cython.Py_ssize_t, x=cython.Py_ssize_t, v=cython.Py_ssize_t, u=cython.Py_ssize_t)
     cython.declare(count=cython.Py_ssize_t, step=cython.int, a=cython.float, b=cython.float, s=cython.float)
     cython.declare(dy=cython.Py_ssize_t, dx=cython.Py_ssize_t, behind=cython.int)
+    cython.declare(i=cython.Py_ssize_t, bit=cython.Py_ssize_t, c=cython.float)
+    last: cython.Py_ssize_t = bias.shape[1] - 2
     height: cython.Py_ssize_t = code.shape[0]
     width: cython.Py_ssize_t = code.shape[1]
     start: cython.Py_ssize_t = rows[0]
@@ -200,8 +205,14 @@ def find_edges(
                 a, b = a * contrast[v, u], b * contrast[y, x]
                 a = a / (a + b + TINY)
                 behind = max(code[y, x], code[v, u])
-                s = bias[0] if behind & 1 else (bias[1] if behind & 2 else bias[2])
-                seen[1, count] = a - s * (a * (one - a) * (one - a - a))
+                bit = 0 if behind & 1 else (1 if behind & 2 else 2)
+                s = min(spacing[y, x] * per_stripe, cython.cast(cython.float, last + 1))
+                i = min(cython.cast(cython.Py_ssize_t, s), last)
+                s = s - i
+                b = one - a - a
+                c = bias[bit, i, 0] + s * (bias[bit, i + 1, 0] - bias[bit, i, 0])
+                c = c + (bias[bit, i, 1] + s * (bias[bit, i + 1, 1] - bias[bit, i, 1])) * b * b
+                seen[1, count] = a - c * (a * (one - a) * b)
                 seen[2, count] = (code[y, x] + code[v, u]) * cython.cast(cython.float, 0.5)
                 count += 1
     return count

@@ -77,7 +77,7 @@ def smoothed(cloud: Cloud) -> Cloud:
         raise InputError(
             "smooth: expected points of a capture with a grid, and their sigma, found scattered ones; decode a picture"
         )
-    grid = surface_grid(cloud.points, cloud.cells)
+    grid = surface_grid(cloud.points, cloud.cells, cloud.sigma)
     own = (cloud.sigma / (cloud.points[:, 2] * np.linalg.norm(cloud.points, axis=1))) ** 2  # variance of w
     variance = np.where(grid.index >= 0, own[grid.index], np.nan)
     windows = _windows(grid, variance)

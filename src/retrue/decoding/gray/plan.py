@@ -13,7 +13,7 @@ from retrue.decoding.gray.bits import CodeImage, decode_axis, neighbours
 from retrue.decoding.gray.edge_shape import NO_BIAS, EdgeBias, edge_bias
 from retrue.decoding.gray.faults import require_one_way, require_order
 from retrue.decoding.gray.sequence import GraySequence
-from retrue.decoding.gray.stripe_edges import FloatImage
+from retrue.decoding.gray.stripe_edges import MOST_STRIPES, FloatImage
 from retrue.geometry.arrays import BoolArray
 
 MAX_CELL = 32
@@ -27,8 +27,6 @@ FEWEST_EDGES = 30
 """Of coarse bits, that tell how steep edges are."""
 SEEN_EDGES = 0.1
 """Of neighbours across stripes narrower than a pixel: of those nearly two stripes apart some are one, and enough."""
-MOST_STRIPES = 4
-"""Between neighbours on one surface."""
 CHI_SQUARE_MEDIAN = 0.455
 LEAST_SEEN = 0.5
 """Of the pixels of good contrast, that are lit beyond the noise of bits which tell it."""

@@ -19,8 +19,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from retrue.decoding.gray.bend import plane_bias
-from retrue.decoding.gray.bits import AxisCode
-from retrue.decoding.gray.edge_shape import EdgeBias
+from retrue.decoding.gray.bits import AxisCode, CodeImage, neighbours
+from retrue.decoding.gray.edge_shape import PER_STRIPE, EdgeBias
 from retrue.decoding.gray.scatter import scatter_level
 from retrue.geometry.arrays import BoolArray
 from retrue.kernels import planes as planes_kernel
@@ -34,6 +34,10 @@ WINDOW_SIGMA, WINDOW_RADIUS = 1.25, 3
 """Cells: standard deviation and reach of the Gaussian window."""
 STEEPEST_CONTRAST = 0.3
 """Where brightness changes by more than this share from pixel to pixel, light leaks across and shifts the edge."""
+MOST_STRIPES = 4
+"""Between neighbours on one surface."""
+AROUND = 17
+"""Pixels, side of the square about an edge over which the width of its stripes is told."""
 LARGEST_RESIDUAL = 0.25
 """Stripes, RMS: edges that scatter more about their plane belong to several surfaces, or to none."""
 LARGEST_SIGMA = 0.05
@@ -94,6 +98,7 @@ def find_edges(
     The difference of pattern and inverse is taken relative to the contrast, so that albedo does not shift the edge, and
     what a straight line misses it by is taken out.
     """
+    spacing = _stripes_per_pixel(axis.code, good, along) if bias.any() else contrast  # which nothing asks
     most = int(np.count_nonzero(good))
     place, seen = np.empty(most, np.int32), np.empty((3, most), np.float32)
     count = kernel.find_edges(
@@ -107,11 +112,27 @@ def find_edges(
         along,
         EDGE_SIGMA,
         STEEPEST_CONTRAST,
+        spacing,
         bias,
+        PER_STRIPE,
         place,
         seen,
     )
     return Edges(place[:count].copy(), seen[:, :count].copy())
+
+
+def _stripes_per_pixel(code: CodeImage, good: BoolArray, along: int) -> FloatImage:
+    """(height, width) mean steps of the code between good neighbours about each pixel."""
+    here, there = neighbours(along)
+    step = np.abs(code[there] - code[here])
+    counted = good[here] & good[there] & (step <= MOST_STRIPES)
+    found: list[FloatImage] = []
+    for values in (step * counted, counted):
+        image = np.zeros(code.shape, np.float32)
+        image[here] = values
+        around = cv2.boxFilter(image, cv2.CV_32F, (AROUND, AROUND), normalize=False, borderType=cv2.BORDER_CONSTANT)
+        found.append(cast(FloatImage, around))
+    return cast(FloatImage, found[0] / np.maximum(found[1], 1))
 
 
 class PlaneFitter:
