@@ -11,17 +11,30 @@ from retrue.recalibration.bows import measured_scale
 from retrue.recalibration.chance import strays
 from retrue.recalibration.posterior import Posterior, improved, posterior_at, same_answer
 from retrue.recalibration.rays import Rays
+from retrue.recalibration.rivals import total_costs
 
 STRAYED = 5  # times, since other points may be strays where the pose then is
 
 
 def settled(start: Posterior) -> Posterior:
     """The best place near the start, planes being held as flat as the points show them to be."""
-    seen = improved(start, 1)  # enough to see how planes are bowed
+    seen = unless_grown(start, improved(start, 1))  # enough to see how planes are bowed
     scale = measured_scale(seen.parameters.bows.ravel(), seen.bow_information)
     parameters = replace(seen.parameters, bows=seen.parameters.bows / scale)
     measured = replace(seen.measured, flatness=scale * seen.measured.flatness)
-    return improved(replace(seen, parameters=parameters, measured=measured), 3)
+    there = posterior_at(measured, parameters, seen.prior)
+    return unless_grown(there, improved(there, 3))
+
+
+def unless_grown(there: Posterior, found: Posterior) -> Posterior:
+    """What was found, unless an error that neighbours share grew with it, and made it less probable than the other.
+
+    The larger it is across the lines, the less counts what is across them, and planes turn to what is left along them.
+    """
+    if not found.fit.epipolar_noise.shared > there.fit.epipolar_noise.shared:
+        return found
+    as_there, as_found = total_costs([there, found])
+    return there if as_there < as_found else found
 
 
 def without_strays(answer: Posterior) -> Posterior:

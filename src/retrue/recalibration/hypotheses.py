@@ -13,6 +13,7 @@ from retrue.errors import DegenerateError
 from retrue.geometry.arrays import FloatArray
 from retrue.geometry.robust import biweight_level, gather_weights
 from retrue.geometry.two_view import TwoViewPose, planes_of_pose
+from retrue.recalibration.all_points import unless_grown
 from retrue.recalibration.candidates import MOST, twins_of_planes
 from retrue.recalibration.lens import LensPrior
 from retrue.recalibration.likelihood import with_misfit
@@ -91,8 +92,7 @@ def _fixed(measured: Measured, start: Parameters, prior: Prior) -> Posterior:
     if not lopsided or measured.support.captures > 1:
         return fit
     alone = fit_posterior(replace(measured, support=measured.support.each_alone()), start, prior, 6)
-    rival = posterior_at(measured, alone.parameters, prior)
-    return min(fit, rival, key=lambda one: float(np.nansum(one.losses)) + one.prior_cost)
+    return unless_grown(posterior_at(measured, alone.parameters, prior), fit)
 
 
 def _through_real_lenses(fit: Posterior) -> Posterior:
