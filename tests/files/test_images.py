@@ -49,6 +49,17 @@ def test_what_is_no_picture_is_refused(tmp_path, content):
         read_image(tmp_path / "a.png")
 
 
+def test_a_damaged_png_is_told_by_us_alone(tmp_path, capfd):
+    noise = np.random.default_rng(0).integers(0, 256, (300, 400), dtype=np.uint8)
+    content = bytearray(cv2.imencode(".png", noise)[1].tobytes())
+    for place in range(2000, len(content) - 2000, 5000):
+        content[place] ^= 255
+    (tmp_path / "a.png").write_bytes(bytes(content))
+    with pytest.raises(FileError, match=r"a\.png: not a picture that can be read: damaged"):
+        read_image(tmp_path / "a.png")
+    assert capfd.readouterr().err == ""
+
+
 def test_cut_short_is_refused(tmp_path):
     noise = np.random.default_rng(0).integers(0, 256, (64, 64), dtype=np.uint8)
     whole = cv2.imencode(".png", noise)[1].tobytes()

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import struct
+import zlib
 from dataclasses import dataclass
 from pathlib import Path
 from typing import BinaryIO
@@ -42,7 +43,9 @@ def read_image_header(path: Path) -> ImageHeader:
 
 
 def png_is_whole(content: bytes) -> bool:
-    """Whether every chunk of a PNG file lies in it: OpenCV takes memory for what a chunk claims to hold.
+    """Whether every chunk of a PNG file lies in it, and those that hold the picture are as they were written.
+
+    OpenCV takes memory for what a chunk claims to hold, and libpng tells the terminal what it thinks of damaged ones.
 
     >>> png_is_whole(b"\\x89PNG\\r\\n\\x1a\\n" + b"\\xff\\0\\0\\0IDAT" + 8 * b"\\0")
     False
@@ -50,10 +53,16 @@ def png_is_whole(content: bytes) -> bool:
     place = 8
     while place + 8 <= len(content):
         length, kind = struct.unpack_from(">I4s", content, place)
-        place += 12 + length
+        checked, place = memoryview(content)[place + 4 : place + 8 + length], place + 12 + length
+        if kind.isupper() and place <= len(content) and content[place - 4 : place] != _sum(checked):
+            return False
         if kind == b"IEND":
             return place <= len(content)
     return False
+
+
+def _sum(chunk: memoryview) -> bytes:
+    return zlib.crc32(chunk).to_bytes(4, "big")
 
 
 def _png(start: bytes) -> ImageHeader:
