@@ -31,7 +31,8 @@ BLUR_PX = 0.6
 FINE, FINER = 2, 4
 """Samples of the light a camera pixel, and parts of a projector pixel, along either side: lenses blur light before
 pixels gather it, and a projector's are squares. With whole pixels the samples themselves beat with the stripes, by a
-fiftieth of a pixel, more than all that a decoder errs by; so they do by a fivehundredth."""
+fiftieth of a pixel, more than all that a decoder errs by; so coarse ones do by a four hundredth, the finest by twice
+that."""
 PROJECTOR_BLUR_PX = 0.4
 CAMERA = CameraModel(vignetting=0.1, blur_px=0.0, mixing=((0.94, 0.06, 0.0), (0.03, 0.94, 0.03), (0.0, 0.06, 0.94)))
 """Without noise; `take` blurs the light itself."""

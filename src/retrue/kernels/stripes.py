@@ -159,23 +159,20 @@ def find_edges(
     where contrast is steady between them and beside them. With margins as `add_bit` has them, each relative to its own
     pixel's contrast, they balance at a share f, and the edge is at f - (c + c' (1 - 2 f)^2) f (1 - f) (1 - 2 f). c and
     c' are of `bias` (3, S, 2), the first where bit 0 changes, the second where bit 1 does, else the third, at
-    `per_stripe` times the `spacing` there, in stripes a pixel. The weight is 1 over
-    1 + (noise / (`share` of both margins))^2.
+    `per_stripe` times the `spacing` there, in stripes a pixel. The weight is 1 / (1 + (noise / (`share` of both))^2).
     """
     cython.declare(y=cython.Py_ssize_t, x=cython.Py_ssize_t, v=cython.Py_ssize_t, u=cython.Py_ssize_t)
     cython.declare(count=cython.Py_ssize_t, step=cython.int, a=cython.float, b=cython.float, s=cython.float)
-    cython.declare(dy=cython.Py_ssize_t, dx=cython.Py_ssize_t, behind=cython.int)
-    cython.declare(i=cython.Py_ssize_t, bit=cython.Py_ssize_t, c=cython.float)
+    cython.declare(dy=cython.Py_ssize_t, dx=cython.Py_ssize_t, p=cython.Py_ssize_t, q=cython.Py_ssize_t)
+    cython.declare(i=cython.Py_ssize_t, bit=cython.Py_ssize_t, behind=cython.int, c=cython.float)
     last: cython.Py_ssize_t = bias.shape[1] - 2
     height: cython.Py_ssize_t = code.shape[0]
     width: cython.Py_ssize_t = code.shape[1]
     start: cython.Py_ssize_t = rows[0]
-    stop: cython.Py_ssize_t = rows[1]
     one: cython.float = 1
-    dy, dx = (1, 0) if along == 0 else (0, 1)
-    count = 0
+    count, dy, dx = (0, 1, 0) if along == 0 else (0, 0, 1)
     with cython.nogil:
-        for y in range(start, min(stop, height - dy)):
+        for y in range(start, min(rows[1], height - dy)):
             for x in range(width - dx):
                 v, u = y + dy, x + dx
                 if not (good[y, x] & good[v, u]):
@@ -185,17 +182,11 @@ def find_edges(
                     continue
                 if not _steady(contrast[y, x], contrast[v, u], noise[y, x], steepest):
                     continue
-                if (
-                    y >= dy
-                    and x >= dx
-                    and not _steady(contrast[y - dy, x - dx], contrast[y, x], noise[y - dy, x - dx], steepest)
-                ):
+                p, q = max(y - dy, 0), max(x - dx, 0)
+                if not _steady(contrast[p, q], contrast[y, x], noise[p, q], steepest):
                     continue
-                if (
-                    v + dy < height
-                    and u + dx < width
-                    and not _steady(contrast[v, u], contrast[v + dy, u + dx], noise[v, u], steepest)
-                ):
+                p, q = min(v + dy, height - 1), min(u + dx, width - 1)
+                if not _steady(contrast[v, u], contrast[p, q], noise[v, u], steepest):
                     continue
                 a, b = near[y, x], far[y, x]
                 s = (a + b) * share
@@ -208,8 +199,7 @@ def find_edges(
                 bit = 0 if behind & 1 else (1 if behind & 2 else 2)
                 s = min(spacing[y, x] * per_stripe, cython.cast(cython.float, last + 1))
                 i = min(cython.cast(cython.Py_ssize_t, s), last)
-                s = s - i
-                b = one - a - a
+                s, b = s - i, one - a - a
                 c = bias[bit, i, 0] + s * (bias[bit, i + 1, 0] - bias[bit, i, 0])
                 c = c + (bias[bit, i, 1] + s * (bias[bit, i + 1, 1] - bias[bit, i, 1])) * b * b
                 seen[1, count] = a - c * (a * (one - a) * b)
@@ -383,8 +373,7 @@ def coordinates(
     px: cython.double[::1],
     found: cython.float[::1],
 ) -> None:
-    """`px` (N,) <- (n + `centre`) `step` - 1/2 with n of the cell's plane at those pixels; `found` <- its
-    mean square error.
+    """`px` (N,) <- (n + `centre`) `step` - 1/2, n of the plane at those pixels; `found` <- its mean square error.
 
     `pixels` are flat indices into a band; `frame`: its width, and which row of the cells' picture it begins at.
     """

@@ -277,8 +277,8 @@ def _point_evidence(best: Posterior, rival: Posterior, eased: Posterior, asides:
 
     A sum that a few points make, as chance would have it, counts less. Of a plane that both fit, the difference counts
     that is larger than what no model explains of a real wall, nor a slow error that one of them takes for a bow. Points
-    that are parts in both tell neither, but for what these parts cost. Parts cost what they cost; those of few points
-    cost no more than they gain over the other.
+    that are parts in both tell neither, but for what these parts cost. Parts cost what they cost; those that have few
+    points off that plane, no more than they gain over the other.
     """
     shared, floor = _shared_plane(best, rival), Floor.of([best, rival])
     explained = cache(partial(explained_costs, asides=asides))  # hardly any is eased: most are asked for twice or more
@@ -288,7 +288,8 @@ def _point_evidence(best: Posterior, rival: Posterior, eased: Posterior, asides:
     counts = beyond_chance(elsewhere)
     told = float(elsewhere.sum()) * counts + min(price - own_price, 0.0)
     gained = np.where(shared, 0.0, counts * (held - lost))
-    told += _counted(parts, given, gained[given & ~own]) - _counted(own_parts, own, -gained[own & ~given])
+    told += _counted(parts, given & ~shared, gained[given & ~own])
+    told -= _counted(own_parts, own & ~shared, -gained[own & ~given])
     if shared.any():  # lenses may follow what is slow, or be what makes it: of both, what tells less
         pairs = dict.fromkeys([(best, rival), (best.eased, eased)])  # one, where none is eased
         told += min((_of_shared(*pair, explained, shared) for pair in pairs), key=abs)
@@ -297,8 +298,7 @@ def _point_evidence(best: Posterior, rival: Posterior, eased: Posterior, asides:
 
 def _counted(price: float, given: BoolArray, gained: FloatArray) -> float:
     """What parts of the points `given` (N,) cost: those of so few that chance makes them, no more than they gain."""
-    many = np.count_nonzero(given) >= CHANCE**2
-    return price if many else min(price, max(float(gained.sum()), 0.0))
+    return price if np.count_nonzero(given) >= CHANCE**2 else min(price, max(float(gained.sum()), 0.0))
 
 
 def _of_shared(
