@@ -10,6 +10,7 @@ import pytest
 from retrue.decoding.decode import decode
 from retrue.errors import CaptureError
 from retrue.patterns.gray_code import GrayCode
+from tests.decoding.conftest import oblique
 
 DATA = Path(__file__).parents[3] / "shared" / "data" / "procam-board"
 PATTERN = GrayCode((128, 96))
@@ -153,10 +154,14 @@ def test_unlit_half_is_left_out(shooting):
 
 
 @pytest.mark.parametrize("rows", [32, 64])
-def test_bands_leave_no_seams(plain_shot, monkeypatch, rows):
-    whole = decode(PATTERN, plain_shot.pictures)  # a hundred and twenty-eight rows, and the rest
+@pytest.mark.parametrize("finer", [1, 3])
+def test_bands_leave_no_seams(shooting, monkeypatch, rows, finer):
+    """Nor where stripes are narrower than a pixel, and how wide is told about each edge."""
+    pattern = GrayCode((finer * 128, finer * 96))
+    shot = shooting(pattern, mapping=lambda x, y: tuple(finer * n for n in oblique(x, y)))
+    whole = decode(pattern, shot.pictures)  # a hundred and twenty-eight rows, and the rest
     monkeypatch.setattr("retrue.decoding.gray.decode_gray_code.BAND_ROWS", rows)
-    parts = decode(PATTERN, plain_shot.pictures)
+    parts = decode(pattern, shot.pictures)
     for name in ("camera_px", "projector_px", "projector_sigma_px", "light"):
         np.testing.assert_array_equal(getattr(parts, name), getattr(whole, name))
     assert parts.card == whole.card

@@ -17,7 +17,16 @@ from numpy.typing import NDArray
 from retrue.decoding.gray.bits import CodeImage, decode_axis
 from retrue.decoding.gray.plan import MAX_CELL, UNDECIDED, Plan
 from retrue.decoding.gray.sequence import GraySequence, Stripes
-from retrue.decoding.gray.stripe_edges import LARGEST_RESIDUAL, Edges, FloatImage, PlaneFit, PlaneFitter, find_edges
+from retrue.decoding.gray.stripe_edges import (
+    ABOUT,
+    BESIDE,
+    LARGEST_RESIDUAL,
+    Edges,
+    FloatImage,
+    PlaneFit,
+    PlaneFitter,
+    find_edges,
+)
 from retrue.geometry.arrays import BoolArray, FloatArray, Image
 from retrue.kernels import stripes as kernel
 
@@ -26,8 +35,6 @@ FARTHEST_CODE = 0.75
 
 REACH_CELLS = 13
 """How many cells away a picture can still change where a point is: windows, the edges beside them, and the bend."""
-ABOVE, BELOW = 1, 2
-"""Rows beyond a band that its edges look at."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -172,7 +179,8 @@ def _light(depth: Depth, rows: slice) -> tuple[FloatImage, FloatImage, BoolArray
 
 def _look(depth: Depth, rows: range, needed: BoolArray | None) -> _Seen:
     sequence, plan = depth.sequence, depth.plan
-    top, bottom = max(rows.start - ABOVE, 0), min(rows.stop + BELOW, sequence.white.shape[0])
+    above, below = ABOUT if any(bias.any() for bias in plan.edge_biases) else BESIDE
+    top, bottom = max(rows.start - above, 0), min(rows.stop + below, sequence.white.shape[0])
     around, inner = slice(top, bottom), slice(rows.start - top, rows.stop - top)
     contrast, noise, lit = _light(depth, around)
     where = lit if needed is None else lit & needed[around]

@@ -38,6 +38,8 @@ MOST_STRIPES = 4
 """Between neighbours on one surface."""
 AROUND = 17
 """Pixels, side of the square about an edge over which the width of its stripes is told."""
+BESIDE, ABOUT = (1, 2), (AROUND // 2, AROUND // 2 + 1)
+"""Rows above and below a band that its edges look at: their neighbours, and where that width is asked, all about."""
 LARGEST_RESIDUAL = 0.25
 """Stripes, RMS: edges that scatter more about their plane belong to several surfaces, or to none."""
 LARGEST_SIGMA = 0.05
@@ -98,7 +100,7 @@ def find_edges(
     The difference of pattern and inverse is taken relative to the contrast, so that albedo does not shift the edge, and
     what a straight line misses it by is taken out.
     """
-    spacing = _stripes_per_pixel(axis.code, good, along) if bias.any() else contrast  # which nothing asks
+    spacing = _stripes_per_pixel(axis.code, good, along) if bias.any() else contrast  # of no bias, any will do
     most = int(np.count_nonzero(good))
     place, seen = np.empty(most, np.int32), np.empty((3, most), np.float32)
     count = kernel.find_edges(
