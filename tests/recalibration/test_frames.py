@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 from retrue.geometry.transform import RigidTransform
-from retrue.geometry.two_view import TwoViewPose, tangent_basis
-from retrue.recalibration.fit import carried, pose_difference, squared_sigmas
+from retrue.geometry.two_view import TwoViewPose, pose_difference, tangent_basis
+from retrue.recalibration.fit import carried, squared_sigmas
 from retrue.recalibration.lens import stated_prior
 from retrue.recalibration.posterior import Parameters, PosePrior, Prior, fit_posterior, posterior_at
 from tests.recalibration.scenes import POSE, RIG

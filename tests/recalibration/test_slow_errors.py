@@ -11,8 +11,8 @@ from benchmarks.judgement.kinds import draw
 from retrue.correspondences import Correspondences
 from retrue.geometry.arrays import FloatArray
 from retrue.geometry.transform import rotation_angle
-from retrue.geometry.two_view import residuals
-from retrue.recalibration.fit import own_pose, pose_difference
+from retrue.geometry.two_view import pose_difference, residuals
+from retrue.recalibration.fit import own_pose
 from retrue.recalibration.judge import judge
 from retrue.recalibration.options import RecalibrateOptions
 from retrue.recalibration.posterior import Posterior

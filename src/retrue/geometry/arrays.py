@@ -96,9 +96,8 @@ def centred(points: FloatArray) -> tuple[FloatArray, FloatArray]:
     >>> [part.tolist() for part in centred(np.array([[0.0, 1.0], [4.0, 3.0]]))]
     [[[-2.0, -1.0], [2.0, 1.0]], [2.0, 2.0]]
     """
-    numbers = np.ascontiguousarray(points).view(np.complex128)
-    middle = numbers.mean()
-    return (numbers - middle).view(np.float64), np.array([middle.real, middle.imag])
+    middle = mean_point(points)
+    return (np.ascontiguousarray(points).view(np.complex128) - complex(*middle)).view(np.float64), middle
 
 
 def mean_point(points: FloatArray) -> FloatArray:

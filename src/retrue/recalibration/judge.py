@@ -11,7 +11,7 @@ from retrue.correspondences import Correspondences
 from retrue.errors import InputError
 from retrue.geometry.arrays import BoolArray, FloatArray, IntArray, finite_array
 from retrue.geometry.transform import direction_angle, rotation_angle
-from retrue.geometry.two_view import POSE_PARAMETERS
+from retrue.geometry.two_view import POSE_PARAMETERS, pose_difference
 from retrue.recalibration.all_points import apart_as_chosen, pulled_away, settled, without_strays
 from retrue.recalibration.bent_planes import bent_planes
 from retrue.recalibration.bows import bow_shapes
@@ -35,7 +35,7 @@ from retrue.recalibration.doubtful_planes import (
     planes_between,
     quieter,
 )
-from retrue.recalibration.fit import Support, carried, own_pose, pose_difference
+from retrue.recalibration.fit import Support, carried, own_pose
 from retrue.recalibration.hypotheses import hypothesis, without_parts
 from retrue.recalibration.lens import LENS_NAMES, LENS_PARAMETERS, stated_prior, wide_prior
 from retrue.recalibration.lens_evidence import LensEvidence, hidden_by_planes, lens_evidence

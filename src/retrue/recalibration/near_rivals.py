@@ -9,8 +9,7 @@ import numpy as np
 
 from retrue.geometry.arrays import FloatArray
 from retrue.geometry.transform import RigidTransform
-from retrue.geometry.two_view import TwoViewPose
-from retrue.recalibration.fit import pose_difference
+from retrue.geometry.two_view import TwoViewPose, pose_difference
 from retrue.recalibration.options import RecalibrateOptions
 from retrue.recalibration.posterior import Posterior
 from retrue.recalibration.result import sigma_at, working_distance

@@ -23,6 +23,7 @@ from retrue.geometry.two_view import (
     TwoViewPose,
     behind,
     corrected_rays,
+    pose_difference,
     solve_normal_equations,
     step_equations,
 )
@@ -35,7 +36,6 @@ from retrue.recalibration.fit import (
     evaluate,
     inverse_information,
     own_pose,
-    pose_difference,
     same_pose,
     squared_sigmas,
 )

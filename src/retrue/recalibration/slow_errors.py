@@ -57,8 +57,8 @@ def taken_up(answer: Posterior) -> TakenUp:
 
 def _fields(answer: Posterior, out: FloatArray) -> None:
     """`out` (K, N) <- the cosines, of RMS 1; (u, v) run over what is seen, to 1 along its longer side."""
-    place = np.ascontiguousarray(answer.measured.camera_px.T)
-    place -= place.min(axis=1, keepdims=True)
+    pixels = answer.measured.camera_px
+    place = np.subtract(pixels.T, pixels.min(axis=0)[:, None], order="C")
     cosine = np.cos(place * (np.pi / max(float(place.max()), 1e-300)))
     waves = [np.ones(cosine.shape), cosine]
     while len(waves) < WAVES:  # cos(k a) = 2 cos(a) cos((k - 1) a) - cos((k - 2) a)
