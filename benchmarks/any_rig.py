@@ -269,9 +269,8 @@ def draw(seed: int) -> Case:
         R, t, base = random_pose(rng, distance, half, projector)
         name, depth = random_scene(rng, distance, half)
         count, how = int(between(rng, 60, 8000)), str(rng.choice(["random", "grid", "whole pixels", "heaps", "window"]))
-        seen = exact_points(
-            rng, camera, projector, R, t, depth, distance, random_pixels(rng, how, max(4 * count, 6000), camera.size)
-        )
+        pixels = random_pixels(rng, how, max(4 * count, 6000), camera.size)
+        seen = exact_points(camera, projector, R, t, depth, distance, pixels)
         if len(seen) >= FEWEST:
             break
     else:
@@ -288,7 +287,6 @@ def draw(seed: int) -> Case:
 
 
 def exact_points(
-    rng: Generator,
     camera: Device,
     projector: Device,
     R: Array,
