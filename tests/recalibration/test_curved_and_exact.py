@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from benchmarks.any_rig import draw, pose_error
 from retrue.correspondences import Correspondences
 from retrue.geometry.camera import Camera
 from retrue.geometry.transform import direction_angle, rotation_angle
@@ -204,3 +205,17 @@ def test_noise_makes_no_wall_curved(noise: float, grid: tuple[int, int], seeds: 
         points = replace(wall, camera_px=wall.camera_px + missed)
         answer = judge(bumped(RIG, [1, 1, 1], [1, 1, 1]), [points], RecalibrateOptions()).answer
         assert len(answer.pose.planes) == 1
+
+
+@pytest.mark.parametrize("seed", [314, 315, 1742])
+def test_curved_scenes_and_codes_off_by_a_shift_blame_no_lens(seed: int) -> None:
+    case = draw(seed)  # saddle and ball, a third of each shifted; a surface that bends both ways
+    result = recalibrate(case.rig, [case.points])
+    assert isinstance(result, Accepted), result.reason
+    assert result.evidence.lens == "unchecked"
+    assert result.evidence.pose is not None
+    assert result.evidence.sigma is not None
+    pose, sigma = result.evidence.pose, result.evidence.sigma
+    rotation, translation = np.split(np.degrees(pose_error(pose.R, pose.t, case)), [3])
+    assert np.linalg.norm(rotation) < max(0.2, 4 * sigma.rotation_deg)
+    assert np.linalg.norm(translation) < max(0.2, 4 * sigma.translation_deg)

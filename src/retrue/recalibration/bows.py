@@ -12,18 +12,19 @@ SCALES = np.geomspace(0.003, 3.7, 19)
 """Of the stated flatness, how far planes may be bowed: alike before the points speak; their mean square is 1."""
 
 
-def bow_shapes(points: TwoViewPoints) -> FloatArray:
-    """(N, 3) three bows of each plane, together of RMS 1, without what a tilt takes up."""
-    shapes = np.zeros((len(points), BOWS))
+def bow_shapes(points: TwoViewPoints, degree: int = 2) -> FloatArray:
+    """(N, B) polynomials that bow each plane, together of RMS 1, without what a tilt takes up: three of degree two."""
+    powers = [(of_all - of_v, of_v) for of_all in range(2, degree + 1) for of_v in range(of_all + 1)]
+    shapes = np.zeros((len(points), len(powers)))
     for plane in range(int(points.plane_index.max(initial=FREE)) + 1):
         mine = np.flatnonzero(points.plane_index == plane)
-        if len(mine) < 2 * BOWS:
+        if len(mine) < 2 * len(powers):
             continue
         x = np.ascontiguousarray(points.camera_rays[mine].T)
         u, v = (x - x.mean(axis=1)[:, None]) / np.maximum(x.std(axis=1), 1e-300)[:, None]
-        linear, bows = np.stack([u, v, np.ones(len(mine))]), np.stack([u * u, u * v, v * v])
+        linear, bows = np.stack([u, v, np.ones(len(mine))]), np.stack([u**i * v**j for i, j in powers])
         bows -= bows @ linear.T @ np.linalg.pinv(linear @ linear.T) @ linear
-        shapes[mine] = (bows / np.maximum(bows.std(axis=1) * np.sqrt(BOWS), 1e-300)[:, None]).T
+        shapes[mine] = (bows / np.maximum(bows.std(axis=1) * np.sqrt(len(powers)), 1e-300)[:, None]).T
     return shapes
 
 

@@ -12,6 +12,7 @@ from retrue.errors import DegenerateError
 from retrue.geometry.arrays import FloatArray
 from retrue.geometry.robust import biweight_loss
 from retrue.geometry.two_view import POSE_PARAMETERS, TwoViewPose
+from retrue.recalibration.bows import BOWS, bow_shapes
 from retrue.recalibration.candidates import behind, same_pose
 from retrue.recalibration.chance import beyond_chance
 from retrue.recalibration.hypotheses import drawn_in
@@ -20,6 +21,7 @@ from retrue.recalibration.measured import MISFIT_PX
 from retrue.recalibration.parts import LOUD, Part, shifted_copies, unexplained
 from retrue.recalibration.posterior import Measured, Parameters, Posterior, Prior, fit_posterior, posterior_at
 from retrue.recalibration.rivals import SELDOM, UNEXPLAINED, least, move_deg, move_nats, plane_levels, price_of
+from retrue.recalibration.shifted_codes import shifted_codes
 
 KNOWN_FOCAL = 0.01
 CHANGED_GAIN = 30.0  # of chi-square; eight parameters that nobody touched gain as much once in 5000 times
@@ -27,6 +29,7 @@ DOUBTFUL_GAIN = 9.0
 FAR_MOVE_DEG = 10.0
 FARTHEST = 3.0  # wide sigma that a lens changes by
 CURVED = 30.0  # times as bowed as planes are: balls, pipes, faces
+DEGREES = 2, 3  # of what is curved: one bend, or one that turns
 ROUGHER = 1.2  # along the epipolar line than across it: what a plane leaves is alike
 BELIEVED_BLOCKS = 10  # that the misfit of real lenses is believed as much as: they differ, and may have none
 PART_PRICE = 60.0  # of chi-square: five free parameters, and the choice of points
@@ -201,22 +204,33 @@ def _gain(measured: Measured, best: Posterior, free: Posterior, prior: LensPrior
     curved: it looks as flat through other lenses as planes do through the rig's own.
     """
     measured = replace(measured, aside=best.measured.aside)
-    curved = replace(measured, flatness=CURVED * measured.flatness)
     gains: list[float] = []
     for start in (best.eased, free):
         held = fit_posterior(measured, start.parameters, Prior(prior, free=True), 15)
         gains.append(_preferred(held, free, part, 0.0))
-        if gains[-1] > DOUBTFUL_GAIN and start.parameters.bows.size:
-            bent = replace(start.parameters, bows=start.parameters.bows / CURVED)
-            held = fit_posterior(curved, bent, Prior(prior, free=True), 15)
-            gains.append(_preferred(held, free, part, 2 * float(np.log(CURVED)) * bent.bows.size))
+        for degree in DEGREES if start.parameters.bows.size else ():
+            if gains[-1] > DOUBTFUL_GAIN:
+                held = fit_posterior(*_curved(measured, start.parameters, degree), Prior(prior, free=True), 15)
+                price = 2 * float(np.log(CURVED)) * held.parameters.bows.size
+                gains.append(_preferred(held, free, part, price))
     return min(gains)
+
+
+def _curved(measured: Measured, parameters: Parameters, degree: int) -> tuple[Measured, Parameters]:
+    """The same with its planes as curved surfaces, of polynomials of that degree, each as large as the bows."""
+    shapes = bow_shapes(measured.support.points, degree)
+    bows = np.zeros((len(parameters.bows), shapes.shape[1]))
+    bows[:, :BOWS] = parameters.bows / CURVED
+    scale = CURVED * float(np.sqrt(shapes.shape[1] / BOWS))
+    return replace(measured, shapes=shapes, flatness=scale * measured.flatness), replace(parameters, bows=bows)
 
 
 def _preferred(held: Posterior, free: Posterior, part: Part | None, price: float) -> float:
     costs, theirs = _joint_costs(held, held), _joint_costs(free, held)
     # The rivals of a changed lens: those points are copies of a plane, seen in a mirror, or moved, and as well known.
-    copies = shifted_copies(held, unexplained(held))
+    outside = unexplained(held)
+    copies = shifted_copies(held, outside)
+    copies += shifted_codes(held, outside & ~np.any([np.zeros_like(outside), *(copy.rows for copy in copies)], axis=0))
     parts = [(copy.rows, copy.seldom, price_of(copy)) for copy in copies]
     parts += [(rows, 1.0, PART_PRICE) for rows in (held.measured.aside, part and part.rows) if rows is not None]
     for rows, seldom, own_price in parts:

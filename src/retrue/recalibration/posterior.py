@@ -85,7 +85,7 @@ class Parameters:
         return Parameters(
             self.pose.moved(step[:size]),
             self.lens + step[size : size + LENSES],
-            self.bows + step[size + LENSES :].reshape(-1, BOWS),
+            self.bows + step[size + LENSES :].reshape(self.bows.shape),
         )
 
 
@@ -315,7 +315,7 @@ class Posterior:
     def own_and_lens(self) -> tuple[IntArray, IntArray]:
         """Numbers of all parameters but the lenses, the pose first; and of the lenses."""
         start = POSE_PARAMETERS + 3 * len(self.pose.planes)
-        everything = np.arange(start + LENSES + BOWS * len(self.pose.planes))
+        everything = np.arange(start + LENSES + self.parameters.bows.size)
         return np.delete(everything, slice(start, start + LENSES)), everything[start : start + LENSES]
 
     @property

@@ -1,0 +1,70 @@
+"""Codes off by one shift, on any surface: moved back, they lie on their epipolar lines."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from itertools import combinations
+
+import numpy as np
+
+from retrue.geometry.arrays import BoolArray, FloatArray, IntArray
+from retrue.geometry.robust import CUTOFF, biweight_level
+from retrue.geometry.two_view import epipolar_residuals
+from retrue.recalibration.lens import LENS_PARAMETERS, changed_device
+from retrue.recalibration.parts import A_COPY, FEWEST_OF_A_PART, LOUD, MOST_COPIES, SHARE_OF_A_PART, Part
+from retrue.recalibration.posterior import Posterior
+
+DRAWN = 24  # points whose pairs tell a shift
+REFINED = 4
+PARALLEL = 1e-5
+
+
+def shifted_codes(posterior: Posterior, outside: BoolArray) -> list[Part]:
+    """Parts of those points that one shift d of the projector's pixels explains: periods that a code is off by.
+
+    Each misses its line by r(p), and r(p - d) ~ r - g d with its gradient g: two points tell a shift, and that of most
+    is it. Where lines are parallel, what is along them is not told, and none.
+    """
+    found, fewest = list[Part](), max(FEWEST_OF_A_PART, SHARE_OF_A_PART * int(np.count_nonzero(outside)))
+    rows, reach = np.flatnonzero(outside), CUTOFF * posterior.fit.epipolar_noise.total
+    while len(rows) >= fewest and len(found) < MOST_COPIES:
+        missed = _missed(posterior, rows, _shift_of_most(posterior, rows, reach))
+        near = np.abs(missed) < reach
+        own = missed[near, None]
+        level = biweight_level(own.ravel())
+        if np.count_nonzero(near) < fewest or not level < LOUD * posterior.fit.epipolar_noise.level:
+            break  # what is louder than the pose follows something else, little by little, as through another lens
+        copy = np.zeros(len(outside), dtype=np.bool_)
+        copy[rows[near]] = True
+        seldom = max(0.0, 1 - np.count_nonzero(~outside) / np.count_nonzero(near))
+        found.append(Part(A_COPY, copy, 2, own, level, seldom=seldom))
+        rows = rows[~near]
+    return found
+
+
+def _shift_of_most(posterior: Posterior, rows: IntArray, reach: float) -> FloatArray:
+    """(2,) px; `reach`, how far from its line a point may be."""
+    missed = _missed(posterior, rows, np.zeros(2))
+    gradient = np.stack([missed - _missed(posterior, rows, step) for step in np.eye(2)], axis=1)
+    seen = np.isfinite(gradient).all(axis=1)  # a lens may not map a pixel beside its picture
+    rows, missed, gradient = rows[seen], missed[seen], gradient[seen]
+    if len(rows) < 2:
+        return np.zeros(2)
+    drawn = np.unique(np.linspace(0, len(rows) - 1, DRAWN).astype(int))
+    pairs = np.array(list(combinations(drawn.tolist(), 2)))
+    shifts = np.linalg.pinv(gradient[pairs], rcond=PARALLEL) @ missed[pairs][..., None]
+    near = np.abs(missed - shifts[..., 0] @ gradient.T) < reach
+    shift = shifts[int(np.argmax(near.sum(axis=1))), :, 0]
+    for _ in range(REFINED):  # lines and lenses bend over a large shift
+        left = _missed(posterior, rows, shift)
+        near = np.abs(left) < 2 * reach
+        shift = shift + np.linalg.pinv(gradient[near], rcond=PARALLEL) @ left[near]
+    return shift
+
+
+def _missed(posterior: Posterior, rows: IntArray, shift: FloatArray) -> FloatArray:
+    """(rows,) by how much those points miss their lines, moved back by that shift, in their sigma."""
+    device = changed_device(posterior.measured.rig.projector, posterior.parameters.lens[LENS_PARAMETERS:])
+    points = posterior.points.select(rows)
+    back = device.unproject(posterior.measured.projector_px[rows] - shift)
+    return epipolar_residuals(posterior.pose, replace(points, projector_rays=back))
