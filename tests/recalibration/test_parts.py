@@ -272,6 +272,13 @@ def test_what_moved_is_a_part_though_much_of_the_rest_agrees_with_its_pose_too()
     assert np.degrees(rotation_angle(judgement.answer.pose.R @ case.truths[0].R.T)) < 0.5
 
 
+def test_a_copy_of_a_few_points_beside_a_large_one_costs_its_pose_no_more_than_it_gains() -> None:
+    case = draw("shifted copy, wall", 132000020)  # on the right pose, 7 points besides are those of a copy by chance
+    rig, captures = case.told.public(), [one.public() for one in case.captures]
+    judgement = judge(rig, captures, RecalibrateOptions())
+    assert np.degrees(rotation_angle(judgement.answer.pose.R @ case.truths[0].R.T)) < 0.5
+
+
 def off_the_wall(right: int, wrong: int) -> np.ndarray:
     """Residuals of points off a wall, of which so many are right and the others lie anywhere."""
     measured, truth = measured_scene("wall")

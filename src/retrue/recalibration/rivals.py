@@ -91,12 +91,12 @@ def costs(posterior: Posterior, floor: Floor) -> FloatArray:
     return np.where(posterior.impossible, np.maximum(found, UNEXPLAINED), found)
 
 
-Explained = tuple[FloatArray, float, float, BoolArray]
+Explained = tuple[FloatArray, float, list[tuple[float, BoolArray]]]
 
 
 def explained_costs(posterior: Posterior, floor: Floor, asides: Sequence[Part]) -> Explained:
-    """`costs` (N,) where a part of the points may have another explanation; the price of priors and planes; of that;
-    and which points (N,) have it.
+    """`costs` (N,) where a part of the points may have another explanation; the price of priors and planes; and of each
+    such part, with its points (N,).
 
     A plane has three free parameters, a shifted copy two or three, a plane of its own eight, another pose five, each of
     which a wider range would have fitted as well.
@@ -104,12 +104,12 @@ def explained_costs(posterior: Posterior, floor: Floor, asides: Sequence[Part]) 
     found = costs(posterior, floor)
     plane = posterior.points.plane_index
     counts = np.bincount(plane[(plane != FREE) & (posterior.fit.robust_weights[1] > 0)], minlength=1)
-    price, parts = posterior.prior_cost + 3 * PARAMETER * int(np.count_nonzero(counts >= FEWEST_OF_A_PLANE)), 0.0
+    price = posterior.prior_cost + 3 * PARAMETER * int(np.count_nonzero(counts >= FEWEST_OF_A_PLANE))
     outside = unexplained(posterior)
     foreign = [other for other in asides if of_another_pose(other, outside)]
     worthy = [other for other in (*posterior.parts, *foreign) if found[other.rows].clip(0.0).sum() > price_of(other)]
     left = [(other, _costs_of_part(other, posterior, floor)) for other in worthy]
-    given = np.zeros(len(found), dtype=np.bool_)
+    parts = list[tuple[float, BoolArray]]()
     while left:  # the part that gains most comes first: another may have the same points
         gains = [np.maximum(found[other.rows] - explained, 0.0) for other, explained in left]
         worth = [float(gain.sum()) - price_of(other) for gain, (other, _) in zip(gains, left, strict=True)]
@@ -118,9 +118,8 @@ def explained_costs(posterior: Posterior, floor: Floor, asides: Sequence[Part]) 
             break
         other, _ = left.pop(best)
         found[other.rows] -= gains[best]
-        parts += price_of(other)
-        given |= other.rows
-    return found, price, parts, given
+        parts.append((price_of(other), other.rows))
+    return found, price, parts
 
 
 def has_copies(posterior: Posterior) -> bool:
@@ -169,8 +168,8 @@ def total_costs(posteriors: Sequence[Posterior], asides: Sequence[Part] = ()) ->
     """-2 log evidence of each, up to a constant, over the noise of the quietest: points, priors, planes and parts."""
     floor, totals = Floor.of(posteriors), list[float]()
     for fit in posteriors:
-        found, price, parts, _ = explained_costs(fit, floor, asides)
-        totals.append(float(found.sum()) + price + parts)
+        found, price, parts = explained_costs(fit, floor, asides)
+        totals.append(float(found.sum()) + price + sum(cost for cost, _ in parts))
     return totals
 
 
@@ -282,14 +281,15 @@ def _point_evidence(best: Posterior, rival: Posterior, eased: Posterior, asides:
     """
     shared, floor = _shared_plane(best, rival), Floor.of([best, rival])
     explained = cache(partial(explained_costs, asides=asides))  # hardly any is eased: most are asked for twice or more
-    lost, price, parts, given = _cheapest([explained(fit, floor) for fit in (rival, eased)], ~shared)
-    held, own_price, own_parts, own = _cheapest([explained(fit, floor) for fit in (best, best.eased)], ~shared)
+    lost, price, parts = _cheapest([explained(fit, floor) for fit in (rival, eased)], ~shared)
+    held, own_price, own_parts = _cheapest([explained(fit, floor) for fit in (best, best.eased)], ~shared)
+    given, own = (np.any([np.zeros_like(shared), *(rows for _, rows in one)], axis=0) for one in (parts, own_parts))
     elsewhere = (lost - held)[~(shared | given & own)]
     counts = beyond_chance(elsewhere)
     told = float(elsewhere.sum()) * counts + min(price - own_price, 0.0)
     gained = np.where(shared, 0.0, counts * (held - lost))
-    told += _counted(parts, given & ~shared, gained[given & ~own])
-    told -= _counted(own_parts, own & ~shared, -gained[own & ~given])
+    told += sum(_counted(cost, rows & ~shared, np.where(own, 0.0, gained)[rows]) for cost, rows in parts)
+    told -= sum(_counted(cost, rows & ~shared, np.where(given, 0.0, -gained)[rows]) for cost, rows in own_parts)
     if shared.any():  # lenses may follow what is slow, or be what makes it: of both, what tells less
         pairs = dict.fromkeys([(best, rival), (best.eased, eased)])  # one, where none is eased
         told += min((_of_shared(*pair, explained, shared) for pair in pairs), key=abs)
@@ -297,7 +297,7 @@ def _point_evidence(best: Posterior, rival: Posterior, eased: Posterior, asides:
 
 
 def _counted(price: float, given: BoolArray, gained: FloatArray) -> float:
-    """What parts of the points `given` (N,) cost: those of so few that chance makes them, no more than they gain."""
+    """What a part of the points `given` (N,) costs: of so few that chance makes it, no more than it gains."""
     return price if np.count_nonzero(given) >= CHANCE**2 else min(price, max(float(gained.sum()), 0.0))
 
 
@@ -313,7 +313,7 @@ def _of_shared(
 
 def _cheapest(found: list[Explained], rows: BoolArray) -> Explained:
     """Of a pose as it is and eased, which costs less at those rows (N,)."""
-    return min(found, key=lambda one: float(one[0][rows].sum()) + one[1] + one[2])
+    return min(found, key=lambda one: float(one[0][rows].sum()) + one[1] + sum(cost for cost, _ in one[2]))
 
 
 def _slow(posterior: Posterior) -> float:
