@@ -10,11 +10,12 @@ from functools import cached_property
 import numpy as np
 
 from retrue.errors import DegenerateError
-from retrue.geometry.arrays import FloatArray
+from retrue.geometry.arrays import BoolArray, FloatArray
 from retrue.geometry.robust import biweight_level, gather_weights
 from retrue.geometry.two_view import TwoViewPose, planes_of_pose
 from retrue.recalibration.all_points import unless_grown
 from retrue.recalibration.candidates import MOST, twins_of_planes
+from retrue.recalibration.fit import squared_sigmas
 from retrue.recalibration.lens import LensPrior
 from retrue.recalibration.likelihood import with_misfit
 from retrue.recalibration.measured import MISFIT_PX
@@ -68,13 +69,32 @@ class Hypothesis:
         return [_through_real_lenses(fit) for fit in forms]
 
 
+def hypotheses_of(
+    measured: Measured,
+    starts: Sequence[Parameters],
+    prior: Prior,
+    tight: LensPrior,
+    homographies: list[FloatArray],
+) -> list[Hypothesis]:
+    """One for each start; of those that lead to the same place through the rig's own lenses, the first."""
+    found: list[Hypothesis] = []
+    for start in starts:
+        fit = _fixed(measured, start, prior)
+        if start.lens.any() or not any(_one_place(fit, other.fixed) for other in found):
+            found.append(_in_both_forms(fit, start, tight, homographies))
+    return found
+
+
 def hypothesis(
     measured: Measured, start: Parameters, prior: Prior, tight: LensPrior, homographies: list[FloatArray]
 ) -> Hypothesis:
     """The most probable parameters near the start, in both forms; DegenerateError where no pose is determined."""
-    fit = _fixed(measured, start, prior)
+    return _in_both_forms(_fixed(measured, start, prior), start, tight, homographies)
+
+
+def _in_both_forms(fit: Posterior, start: Parameters, tight: LensPrior, homographies: list[FloatArray]) -> Hypothesis:
     # What photographs' lenses leave over looks like other lenses, and is slower than its scatter.
-    asked = not (prior.free or measured.textured)
+    asked = not (fit.prior.free or fit.measured.textured)
     return Hypothesis(fit, _moved(fit, start, tight, homographies) if asked else None)
 
 
@@ -164,14 +184,14 @@ def without_parts(
     """
     measured = best.measured
     points, prior = measured.support.points, hypotheses[0].fixed.prior
-    starts: list[tuple[Parameters, list[Part]]] = []
     part = most_unexplained(asides, best)
-    for fit in (fit for one in hypotheses for fit in (one.fixed, one.moved) if fit is not None):
-        starts.append((fit.parameters, parts_apart(fit, part, measured.homography_residuals)))
+    fitted = [fit for one in hypotheses for fit in (one.fixed, one.moved) if fit is not None]
+    apart_from = [(fit, parts_apart(fit, part, measured.homography_residuals)) for fit in fitted]
     if measured.textured:
-        starts += [(one.fixed.parameters, [copy]) for one in hypotheses for copy in copies_explained(one.fixed)]
+        apart_from += [(one.fixed, [copy]) for one in hypotheses for copy in copies_explained(one.fixed)]
     else:  # codes that are whole periods off are copies to both sides
-        starts.append((best.parameters, copies_explained(best)))
+        apart_from.append((best, copies_explained(best)))
+    starts = [(fit.parameters, others) for fit, others in _once([one for one in apart_from if one[1]])]
     level = max(noise.level for noise in best.eased.fit.noises)
     gained = len(points) * 4 * float(np.log(level / min(plane_levels(measured), default=level)))
     if alone and len(homographies) > 1 and not gained < 2 * PARAMETER + RARE:
@@ -195,6 +215,23 @@ def without_parts(
             except DegenerateError:
                 continue
     return found
+
+
+def _once(starts: list[tuple[Posterior, list[Part]]]) -> list[tuple[Posterior, list[Part]]]:
+    """Starts with the parts that each goes without; the same without the same points but once."""
+    kept: list[tuple[Posterior, list[Part], BoolArray]] = []
+    for fit, others in starts:
+        gone = np.any([other.rows for other in others], axis=0)
+        if not any(np.array_equal(gone, rows) and _one_place(fit, other) for other, _, rows in kept):
+            kept.append((fit, others, gone))
+    return [(fit, others) for fit, others, _ in kept]
+
+
+def _one_place(fit: Posterior, other: Posterior) -> bool:
+    """Whether a sigma holds both, lenses being as they are: another fit from either would end at the same."""
+    if fit.prior.free != other.prior.free:
+        return False
+    return squared_sigmas(fit.pose, other.pose, other.statistical_covariance) < 1
 
 
 def with_agreeing(fit: Posterior) -> Measured:
