@@ -28,7 +28,7 @@ from retrue.recalibration.parts import (
     parts_apart,
     set_aside,
 )
-from retrue.recalibration.posterior import Measured, Parameters, Posterior, Prior, fit_posterior, posterior_at
+from retrue.recalibration.posterior import Measured, Parameters, Posterior, Prior, fit_cost, fit_posterior, posterior_at
 from retrue.recalibration.rivals import PARAMETER, RARE, plane_levels, total_costs
 
 GATHERED = 15  # steps
@@ -62,6 +62,15 @@ class Hypothesis:
         as_given, through_moved = total_costs(self._with_misfit, asides)
         return self.moved if as_given - through_moved > MOVES else self.fixed
 
+    def same(self, other: Hypothesis) -> bool:
+        """Whether both forms of both are at one place, of the same points."""
+        of_both = _gone(self.fixed.measured), _gone(other.fixed.measured)
+        if not (np.array_equal(*of_both) and one_place(self.fixed, other.fixed)):
+            return False
+        if self.moved is None or other.moved is None:
+            return self.moved is other.moved
+        return one_place(self.moved, other.moved)
+
     @cached_property
     def _with_misfit(self) -> list[Posterior]:
         """Both as they are compared: what no lens explains of a real one is a rival of lenses that move."""
@@ -80,7 +89,7 @@ def hypotheses_of(
     found: list[Hypothesis] = []
     for start in starts:
         fit = _fixed(measured, start, prior)
-        if start.lens.any() or not any(_one_place(fit, other.fixed) for other in found):
+        if start.lens.any() or not any(one_place(fit, other.fixed) for other in found):
             found.append(_in_both_forms(fit, start, tight, homographies))
     return found
 
@@ -211,9 +220,11 @@ def without_parts(
                 if any(other.name == ELSEWHERE for other in others):  # the plane led there; what agrees belongs to it
                     led = _fixed(apart, start, prior)
                     apart, start = with_agreeing(led), led.parameters
-                found.append(hypothesis(apart, start, prior, tight, homographies))
+                one = hypothesis(apart, start, prior, tight, homographies)
             except DegenerateError:
                 continue
+            if not any(one.same(other) for other in found):
+                found.append(one)
     return found
 
 
@@ -222,16 +233,23 @@ def _once(starts: list[tuple[Posterior, list[Part]]]) -> list[tuple[Posterior, l
     kept: list[tuple[Posterior, list[Part], BoolArray]] = []
     for fit, others in starts:
         gone = np.any([other.rows for other in others], axis=0)
-        if not any(np.array_equal(gone, rows) and _one_place(fit, other) for other, _, rows in kept):
+        if not any(np.array_equal(gone, rows) and one_place(fit, other) for other, _, rows in kept):
             kept.append((fit, others, gone))
     return [(fit, others) for fit, others, _ in kept]
 
 
-def _one_place(fit: Posterior, other: Posterior) -> bool:
-    """Whether a sigma holds both, lenses being as they are: another fit from either would end at the same."""
-    if fit.prior.free != other.prior.free:
+def _gone(measured: Measured) -> BoolArray:
+    """(N,) points set aside."""
+    return np.zeros(len(measured), dtype=np.bool_) if measured.aside is None else measured.aside
+
+
+def one_place(fit: Posterior, other: Posterior) -> bool:
+    """Whether a sigma holds both, lenses being as they are, and both fit as well: another fit would end at the same."""
+    if fit.prior.free != other.prior.free or not abs(fit_cost(fit, other) - fit_cost(other, other)) < 1:
         return False
-    return squared_sigmas(fit.pose, other.pose, other.statistical_covariance) < 1
+    with suppress(DegenerateError):  # of none that the points do not determine
+        return squared_sigmas(fit.pose, other.pose, other.statistical_covariance) < 1
+    return False
 
 
 def with_agreeing(fit: Posterior) -> Measured:
