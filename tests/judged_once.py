@@ -8,7 +8,9 @@ from __future__ import annotations
 
 import pickle
 from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, field
 from functools import lru_cache
+from hashlib import sha256
 
 import pytest
 
@@ -17,10 +19,20 @@ from retrue.recalibration.judge import Judgement, judge
 from retrue.recalibration.options import RecalibrateOptions
 
 
+@dataclass(frozen=True)
+class Asked:
+    """What the judge was asked; equal where the bytes of all are."""
+
+    digest: bytes
+    question: tuple[Rig, list[Correspondences], RecalibrateOptions] = field(compare=False)
+
+
 @pytest.fixture(scope="module", autouse=True)
 def judged_once() -> Iterator[None]:
     def judged(rig: Rig, captures: Sequence[Correspondences], options: RecalibrateOptions) -> Judgement:
-        return _judged(pickle.dumps((rig, list(captures), options)))
+        question, digest = (rig, list(captures), options), sha256()
+        digest.update(pickle.dumps(question, 5, buffer_callback=lambda array: digest.update(array.raw())))
+        return _judged(Asked(digest.digest(), question))
 
     with pytest.MonkeyPatch.context() as patch:
         for job in ("verify", "recalibrate"):
@@ -29,5 +41,5 @@ def judged_once() -> Iterator[None]:
 
 
 @lru_cache(maxsize=500)
-def _judged(asked: bytes) -> Judgement:
-    return judge(*pickle.loads(asked))
+def _judged(asked: Asked) -> Judgement:
+    return judge(*asked.question)

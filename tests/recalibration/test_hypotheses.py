@@ -8,10 +8,12 @@ import numpy as np
 import pytest
 
 from retrue.geometry.transform import vector_from_rotation
-from retrue.recalibration.hypotheses import Hypothesis, hypothesis
+from retrue.recalibration.candidates import twins_of
+from retrue.recalibration.hypotheses import Hypothesis, hypotheses_of, hypothesis
 from retrue.recalibration.lens import LensPrior, changed_device
+from retrue.recalibration.measured import Measured
 from retrue.recalibration.parts import homography_residuals
-from retrue.recalibration.posterior import Prior
+from retrue.recalibration.posterior import Parameters, Prior
 from retrue.recalibration.recalibrate import recalibrate
 from retrue.recalibration.result import Accepted
 from retrue.rig import Rig
@@ -41,11 +43,16 @@ def test_lenses_move_as_far_as_their_calibration_allows(seed: int) -> None:
     np.testing.assert_array_equal(result.rig.camera.K, RIG.camera.K)  # which lenses they are, one picture need not say
 
 
-def hypotheses(sigma: np.ndarray) -> Hypothesis:
+def corner() -> tuple[Measured, Parameters, list[np.ndarray]]:
     measured, start = measured_scene("corner", through(OFF), noise=0.05)
     pose = start.pose
     homographies = [pose.R + np.outer(pose.t, plane) for plane in pose.planes]
-    measured = replace(measured, homography_residuals=homography_residuals(measured.support.points, homographies))
+    missed = homography_residuals(measured.support.points, homographies)
+    return replace(measured, homography_residuals=missed), start, homographies
+
+
+def hypotheses(sigma: np.ndarray) -> Hypothesis:
+    measured, start, homographies = corner()
     tight = LensPrior(np.diag(sigma**2))
     return hypothesis(measured, start, Prior(tight), tight, homographies)
 
@@ -56,3 +63,16 @@ def test_it_is_better_by_far_and_no_lens_moves_further_than_its_calibration_allo
     assert found.better() is found.moved
     assert found.moved.fit.epipolar_noise.level < 0.5 * found.fixed.fit.epipolar_noise.level
     assert hypotheses(SIGMA / 10).moved is None
+
+
+def test_starts_that_lead_to_one_place_are_one_hypothesis() -> None:
+    measured, start, homographies = corner()
+    near = replace(start, pose=start.pose.moved(np.full(5 + 3 * len(start.pose.planes), 1e-3)))
+    (twin, *_) = twins_of(start.pose, measured.support.points)
+    tight = LensPrior(np.diag(SIGMA**2))
+    starts = [start, near, Parameters.of(twin)]
+    found = hypotheses_of(measured, starts, Prior(tight), tight, homographies)
+    assert len(found) == 2
+    assert not found[0].same(found[1])
+    for one, begun in zip(found, (near, Parameters.of(twin)), strict=True):
+        assert one.same(hypothesis(measured, begun, Prior(tight), tight, homographies))

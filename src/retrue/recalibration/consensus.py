@@ -11,14 +11,14 @@ from retrue.geometry.arrays import FloatArray
 from retrue.geometry.robust import QUARTILE, quantile
 from retrue.geometry.two_view import epipolar_residuals
 from retrue.recalibration.candidates import MOST, of_five_points
-from retrue.recalibration.hypotheses import Hypothesis, hypothesis
+from retrue.recalibration.hypotheses import Hypothesis, hypothesis, one_place
 from retrue.recalibration.lens import LensPrior
 from retrue.recalibration.measured import MISFIT_PX
 from retrue.recalibration.parts import ELSEWHERE, FEWEST_OF_A_PART, LOUD, Part, set_aside
 from retrue.recalibration.posterior import Measured, Parameters, Posterior, Prior, posterior_at
 
 AGREES = 3.0  # sigma
-STEPS = 4  # of fitting those that agree, and asking again which those are
+STEPS = 4  # at most, of fitting those that agree, and asking again which those are
 UNEVEN = 0.5  # of the noise of each point: so much that neighbours share is more than they err alike, or another thing
 
 
@@ -49,9 +49,12 @@ def quieter_majorities(
     starts = [
         start for level in (noise, local) for start in of_five_points(points, everywhere, homographies, level, rng)
     ]
-    found = [_concentrated(measured, Parameters.of(start), own, prior, tight, homographies) for start in starts]
+    found: list[Hypothesis] = []
+    for start in starts:
+        one = _concentrated(measured, Parameters.of(start), own, prior, tight, homographies, found)
+        found += [] if one is None else [one]
     quiet = quietest.level / LOUD  # fewer points are a little quieter anyway
-    return [one for one in found if one is not None and one.better().fit.epipolar_noise.level < quiet]
+    return [one for one in found if one.better().fit.epipolar_noise.level < quiet]
 
 
 def _concentrated(
@@ -61,8 +64,9 @@ def _concentrated(
     prior: Prior,
     tight: LensPrior,
     homographies: list[FloatArray],
+    known: Sequence[Hypothesis],
 ) -> Hypothesis | None:
-    """The hypothesis of the points that agree with it; None where those are nearly all, or too few."""
+    """The hypothesis of the points that agree with it; None where those are nearly all, or too few, or it is known."""
     points, found = measured.support.points, None
     missed = epipolar_residuals(start.pose, points)
     for _ in range(STEPS):
@@ -72,8 +76,12 @@ def _concentrated(
             return None
         part = Part(ELSEWHERE, away, 5, np.empty((0, 2)), 0.0)
         try:
-            found = hypothesis(set_aside(measured, part), start, prior, tight, homographies)
+            before, found = found, hypothesis(set_aside(measured, part), start, prior, tight, homographies)
             fit = found.better()
+            if any(one_place(fit, other.better()) for other in known):
+                return None
+            if before is not None and one_place(fit, before.better()):
+                return found
             missed = posterior_at(measured, fit.parameters, fit.prior).fit.found.epipolar
         except DegenerateError:
             return None

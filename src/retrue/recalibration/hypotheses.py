@@ -10,11 +10,12 @@ from functools import cached_property
 import numpy as np
 
 from retrue.errors import DegenerateError
-from retrue.geometry.arrays import FloatArray
+from retrue.geometry.arrays import BoolArray, FloatArray
 from retrue.geometry.robust import biweight_level, gather_weights
 from retrue.geometry.two_view import TwoViewPose, planes_of_pose
 from retrue.recalibration.all_points import unless_grown
 from retrue.recalibration.candidates import MOST, twins_of_planes
+from retrue.recalibration.fit import squared_sigmas
 from retrue.recalibration.lens import LensPrior
 from retrue.recalibration.likelihood import with_misfit
 from retrue.recalibration.measured import MISFIT_PX
@@ -27,7 +28,7 @@ from retrue.recalibration.parts import (
     parts_apart,
     set_aside,
 )
-from retrue.recalibration.posterior import Measured, Parameters, Posterior, Prior, fit_posterior, posterior_at
+from retrue.recalibration.posterior import Measured, Parameters, Posterior, Prior, fit_cost, fit_posterior, posterior_at
 from retrue.recalibration.rivals import PARAMETER, RARE, plane_levels, total_costs
 
 GATHERED = 15  # steps
@@ -61,6 +62,15 @@ class Hypothesis:
         as_given, through_moved = total_costs(self._with_misfit, asides)
         return self.moved if as_given - through_moved > MOVES else self.fixed
 
+    def same(self, other: Hypothesis) -> bool:
+        """Whether both forms of both are at one place, of the same points."""
+        of_both = _gone(self.fixed.measured), _gone(other.fixed.measured)
+        if not (np.array_equal(*of_both) and one_place(self.fixed, other.fixed)):
+            return False
+        if self.moved is None or other.moved is None:
+            return self.moved is other.moved
+        return one_place(self.moved, other.moved)
+
     @cached_property
     def _with_misfit(self) -> list[Posterior]:
         """Both as they are compared: what no lens explains of a real one is a rival of lenses that move."""
@@ -68,13 +78,32 @@ class Hypothesis:
         return [_through_real_lenses(fit) for fit in forms]
 
 
+def hypotheses_of(
+    measured: Measured,
+    starts: Sequence[Parameters],
+    prior: Prior,
+    tight: LensPrior,
+    homographies: list[FloatArray],
+) -> list[Hypothesis]:
+    """One for each start; of those that lead to the same place through the rig's own lenses, the first."""
+    found: list[Hypothesis] = []
+    for start in starts:
+        fit = _fixed(measured, start, prior)
+        if start.lens.any() or not any(one_place(fit, other.fixed) for other in found):
+            found.append(_in_both_forms(fit, start, tight, homographies))
+    return found
+
+
 def hypothesis(
     measured: Measured, start: Parameters, prior: Prior, tight: LensPrior, homographies: list[FloatArray]
 ) -> Hypothesis:
     """The most probable parameters near the start, in both forms; DegenerateError where no pose is determined."""
-    fit = _fixed(measured, start, prior)
+    return _in_both_forms(_fixed(measured, start, prior), start, tight, homographies)
+
+
+def _in_both_forms(fit: Posterior, start: Parameters, tight: LensPrior, homographies: list[FloatArray]) -> Hypothesis:
     # What photographs' lenses leave over looks like other lenses, and is slower than its scatter.
-    asked = not (prior.free or measured.textured)
+    asked = not (fit.prior.free or fit.measured.textured)
     return Hypothesis(fit, _moved(fit, start, tight, homographies) if asked else None)
 
 
@@ -164,14 +193,14 @@ def without_parts(
     """
     measured = best.measured
     points, prior = measured.support.points, hypotheses[0].fixed.prior
-    starts: list[tuple[Parameters, list[Part]]] = []
     part = most_unexplained(asides, best)
-    for fit in (fit for one in hypotheses for fit in (one.fixed, one.moved) if fit is not None):
-        starts.append((fit.parameters, parts_apart(fit, part, measured.homography_residuals)))
+    fitted = [fit for one in hypotheses for fit in (one.fixed, one.moved) if fit is not None]
+    apart_from = [(fit, parts_apart(fit, part, measured.homography_residuals)) for fit in fitted]
     if measured.textured:
-        starts += [(one.fixed.parameters, [copy]) for one in hypotheses for copy in copies_explained(one.fixed)]
+        apart_from += [(one.fixed, [copy]) for one in hypotheses for copy in copies_explained(one.fixed)]
     else:  # codes that are whole periods off are copies to both sides
-        starts.append((best.parameters, copies_explained(best)))
+        apart_from.append((best, copies_explained(best)))
+    starts = [(fit.parameters, others) for fit, others in _once([one for one in apart_from if one[1]])]
     level = max(noise.level for noise in best.eased.fit.noises)
     gained = len(points) * 4 * float(np.log(level / min(plane_levels(measured), default=level)))
     if alone and len(homographies) > 1 and not gained < 2 * PARAMETER + RARE:
@@ -191,10 +220,36 @@ def without_parts(
                 if any(other.name == ELSEWHERE for other in others):  # the plane led there; what agrees belongs to it
                     led = _fixed(apart, start, prior)
                     apart, start = with_agreeing(led), led.parameters
-                found.append(hypothesis(apart, start, prior, tight, homographies))
+                one = hypothesis(apart, start, prior, tight, homographies)
             except DegenerateError:
                 continue
+            if not any(one.same(other) for other in found):
+                found.append(one)
     return found
+
+
+def _once(starts: list[tuple[Posterior, list[Part]]]) -> list[tuple[Posterior, list[Part]]]:
+    """Starts with the parts that each goes without; the same without the same points but once."""
+    kept: list[tuple[Posterior, list[Part], BoolArray]] = []
+    for fit, others in starts:
+        gone = np.any([other.rows for other in others], axis=0)
+        if not any(np.array_equal(gone, rows) and one_place(fit, other) for other, _, rows in kept):
+            kept.append((fit, others, gone))
+    return [(fit, others) for fit, others, _ in kept]
+
+
+def _gone(measured: Measured) -> BoolArray:
+    """(N,) points set aside."""
+    return np.zeros(len(measured), dtype=np.bool_) if measured.aside is None else measured.aside
+
+
+def one_place(fit: Posterior, other: Posterior) -> bool:
+    """Whether a sigma holds both, lenses being as they are, and both fit as well: another fit would end at the same."""
+    if fit.prior.free != other.prior.free or not abs(fit_cost(fit, other) - fit_cost(other, other)) < 1:
+        return False
+    with suppress(DegenerateError):  # of none that the points do not determine
+        return squared_sigmas(fit.pose, other.pose, other.statistical_covariance) < 1
+    return False
 
 
 def with_agreeing(fit: Posterior) -> Measured:

@@ -36,7 +36,7 @@ from retrue.recalibration.doubtful_planes import (
     quieter,
 )
 from retrue.recalibration.fit import Support, carried, own_pose
-from retrue.recalibration.hypotheses import hypothesis, without_parts
+from retrue.recalibration.hypotheses import hypotheses_of, without_parts
 from retrue.recalibration.lens import LENS_NAMES, LENS_PARAMETERS, stated_prior, wide_prior
 from retrue.recalibration.lens_evidence import LensEvidence, hidden_by_planes, lens_evidence
 from retrue.recalibration.measured import MISFIT_PX
@@ -183,7 +183,7 @@ def judge(rig: Rig, captures: Sequence[Correspondences], options: RecalibrateOpt
         if not photographs:
             lone = noise_of_planes(few.points, homographies, neighbours, plane_levels(measured))
         measured = replace(measured, noise_covariance=uneven, lone=lone)
-        hypotheses = [hypothesis(measured, start, prior, tight, homographies) for start in starts]
+        hypotheses = hypotheses_of(measured, starts, prior, tight, homographies)
         posteriors = [one.better() for one in hypotheses]
         majorities = quieter_majorities(measured, posteriors, noise, local, prior, tight, homographies, rng)
         posteriors += [one.better() for one in majorities]

@@ -346,15 +346,15 @@ def fit_posterior(measured: Measured, start: Parameters, prior: Prior, iteration
 
 def improved(here: Posterior, iterations: int) -> Posterior:
     """Robust Levenberg-Marquardt from one place to a better one."""
-    cost, damping, too_long = _cost(here, here), 0.0, False
+    cost, damping, too_long = fit_cost(here, here), 0.0, False
     for _ in range(iterations):
         step, length = here.step(damping)
         moved = posterior_at(here.measured, here.parameters.moved(step), here.prior)
-        gained, least = cost - _cost(moved, here), -(cost * 1e-9 + 1e-6)
+        gained, least = cost - fit_cost(moved, here), -(cost * 1e-9 + 1e-6)
         if not gained >= least:  # the valley bends: a straight step leaves it, and one more leads back, further down
             back = posterior_at(here.measured, moved.parameters.moved(moved.step(damping)[0]), here.prior)
-            if _cost(back, here) < _cost(moved, here):
-                moved, gained = back, cost - _cost(back, here)
+            if fit_cost(back, here) < fit_cost(moved, here):
+                moved, gained = back, cost - fit_cost(back, here)
         if not gained >= least:
             damping, too_long = max(10 * damping, 1e-4), True
             if damping > LARGEST_DAMPING or length < SETTLED:
@@ -363,13 +363,13 @@ def improved(here: Posterior, iterations: int) -> Posterior:
         settled = (damping < 1e-3 and length < SETTLED) or (0 < damping < MUCH_DAMPING and gained < FLAT)
         if not too_long:  # else a step with less damping has just failed: once more with this one
             damping = damping / 10 if damping > 1e-7 else 0.0
-        here, cost, too_long = moved, _cost(moved, moved), False
+        here, cost, too_long = moved, fit_cost(moved, moved), False
         if settled:
             break
     return here
 
 
-def _cost(fit: Posterior, reference: Posterior) -> float:
+def fit_cost(fit: Posterior, reference: Posterior) -> float:
     """In the noise of the reference, which a step is taken in."""
     return sum(total_loss(*one) for one in zip(fit.fit.found.both, reference.fit.noises, strict=True)) + fit.prior_cost
 

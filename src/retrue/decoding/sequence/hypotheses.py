@@ -45,7 +45,8 @@ class Hypothesis:
 class Sample:
     """Grey levels (pictures, pixels) of lit pixels, of those right of them, and of those below.
 
-    Hypotheses differ in what a picture is taken for, not in what it shows: `bits` and `unlike` remember their answers.
+    Hypotheses differ in what a picture is taken for, not in what it shows, and many in one axis or the lights alone:
+    `bits`, `runs`, `unlike` and `dark` remember their answers.
     """
 
     here: FloatArray
@@ -63,6 +64,16 @@ class Sample:
         return [cache(partial(_bit, part, part.min(axis=0), part.max(axis=0))) for part in self._parts]
 
     @cached_property
+    def runs(self) -> Callable[[tuple[tuple[int | None, int | None], ...], int, int, int], Runs]:
+        """`_runs` of a code of those bits."""
+        return cache(partial(_runs, self.bits))
+
+    @cached_property
+    def dark(self) -> Callable[[int | None, int | None], float]:
+        """`_dark` of the pictures that are white and black."""
+        return cache(partial(_dark, self.here, self.contrast))
+
+    @cached_property
     def unlike(self) -> Callable[[int, int], float]:
         """`_unlike_pair` of two of the pictures."""
         return cache(partial(_unlike_pair, self.here, self.contrast))
@@ -74,6 +85,18 @@ class Sample:
     def corrected(self, gains: FloatArray, share: float) -> Sample:
         """Without gains and without a share of the picture before."""
         return Sample(*(corrected(part, gains, share) for part in self._parts))
+
+
+@dataclass(frozen=True, slots=True)
+class Runs:
+    """How many codes of an axis there are, and lie in the projector; how many change to the next pixel, by one or two,
+    and by how much more one way than the other."""
+
+    codes: int
+    inside: int
+    changes: int
+    continuous: int
+    one_way: float
 
 
 @dataclass(frozen=True, slots=True)
@@ -150,45 +173,52 @@ def _relabelled(
 
 def judge(sample: Sample, frames: Sequence[Frame], projector_size: tuple[int, int]) -> Judgement:
     """Fit a sample of pixels."""
-    continuous, changes, inside, codes = 0, 0, 0, 0
-    one_way = [1.0]
-    unlike: list[float] = []
+    found, unlike = list[Runs](), list[float]()
     for axis, name in enumerate(AXES):
         bits = bits_of(frames, name)
         if len(bits) < 2:
             continue
-        low = bits[-1][0]
-        parts = [_codes([part(pattern, inverse) for _, pattern, inverse, *_ in bits]) for part in sample.bits]
-        number, decided = parts[0]
         step, offset = bits[0][3], bits[0][4]
         first, last = -offset // step, (projector_size[axis] - 1 - offset) // step
-        inside += int(np.count_nonzero(decided & ((number << low) >= first) & ((number << low) <= last)))
-        codes += int(np.count_nonzero(decided))
-        steps = [(other - number)[decided & its & (other != number)] for other, its in parts[1:]]
-        near = [np.sign(step[np.abs(step) <= 2]) for step in steps]
-        changes += sum(map(len, steps))
-        own = sum(map(len, near))
-        continuous += own
-        if own >= FEWEST_CHANGES:
-            one_way.append(sum(abs(float(way.sum())) for way in near) / own)
-        pairs = [(pattern, inverse) for _, pattern, inverse, *_ in bits if pattern is not None and inverse is not None]
-        unlike += [sample.unlike(min(pair), max(pair)) for pair in pairs]
+        pairs = tuple((pattern, inverse) for _, pattern, inverse, *_ in bits)
+        found.append(sample.runs(pairs, bits[-1][0], first, last))
+        unlike += [sample.unlike(min(p, q), max(p, q)) for p, q in pairs if p is not None and q is not None]
+    codes = [frame.code for frame in frames]
+    changes = sum(one.changes for one in found)
     return Judgement(
-        continuous / max(changes, 1),
-        min(one_way),
-        inside / max(codes, 1),
+        sum(one.continuous for one in found) / max(changes, 1),
+        min([1.0, *(one.one_way / one.continuous for one in found if one.continuous >= FEWEST_CHANGES)]),
+        sum(one.inside for one in found) / max(sum(one.codes for one in found), 1),
         float(np.median(unlike)) if unlike else 0.0,
-        _dark(sample.here, frames, sample.contrast),
+        sample.dark(*(codes.index(code) if code in codes else None for code in ("white", "black"))),
         changes,
     )
 
 
-def _dark(here: FloatArray, frames: Sequence[Frame], contrast: FloatArray) -> float:
-    codes = [frame.code for frame in frames]
-    white = here[codes.index("white")] if "white" in codes else here.max(axis=0)
-    black = here[codes.index("black")] if "black" in codes else here.min(axis=0)
-    light = (white - black) / contrast
-    return float(np.clip(1 - np.median(light), 0, 2))
+def _runs(
+    parts: Sequence[Callable[[int | None, int | None], tuple[BoolArray, BoolArray]]],
+    bits: tuple[tuple[int | None, int | None], ...],
+    low: int,
+    first: int,
+    last: int,
+) -> Runs:
+    """Of patterns and inverses, most significant first, the last one being bit `low`; `first` to `last` are inside."""
+    (number, decided), *others = (_codes([part(pattern, inverse) for pattern, inverse in bits]) for part in parts)
+    inside = decided & ((number << low) >= first) & ((number << low) <= last)
+    steps = [(other - number)[decided & its & (other != number)] for other, its in others]
+    near = [np.sign(step[np.abs(step) <= 2]) for step in steps]
+    return Runs(
+        int(np.count_nonzero(decided)),
+        int(np.count_nonzero(inside)),
+        sum(map(len, steps)),
+        sum(map(len, near)),
+        sum(abs(float(way.sum())) for way in near),
+    )
+
+
+def _dark(here: FloatArray, contrast: FloatArray, white: int | None, black: int | None) -> float:
+    light = (here.max(axis=0) if white is None else here[white]) - (here.min(axis=0) if black is None else here[black])
+    return float(np.clip(1 - np.median(light / contrast), 0, 2))
 
 
 def take_sample(grey: Sequence[Image], rng: np.random.Generator) -> Sample | None:
