@@ -60,6 +60,27 @@ def test_a_damaged_png_is_told_by_us_alone(tmp_path, capfd):
     assert capfd.readouterr().err == ""
 
 
+@pytest.mark.parametrize("flags", [[], [cv2.IMWRITE_JPEG_PROGRESSIVE, 1], [cv2.IMWRITE_JPEG_RST_INTERVAL, 5]])
+def test_a_jpeg_that_was_written_over_is_told_by_us_alone(tmp_path, capfd, flags):
+    rng = np.random.default_rng(0)
+    content = cv2.imencode(".jpg", rng.integers(0, 256, (300, 400), dtype=np.uint8), flags)[1].tobytes()
+    (tmp_path / "whole.jpg").write_bytes(content + rng.bytes(5000))  # cameras keep a second picture behind the first
+    assert read_image(tmp_path / "whole.jpg").shape == (300, 400)
+    middle = len(content) // 2
+    (tmp_path / "a.jpg").write_bytes(content[:middle] + rng.bytes(4096) + content[middle + 4096 :])
+    with pytest.raises(FileError, match=r"a\.jpg: not a picture that can be read: damaged"):
+        read_image(tmp_path / "a.jpg")
+    assert capfd.readouterr().err == ""
+
+
+def test_a_jpeg_of_too_many_scans_is_refused(tmp_path):
+    content = cv2.imencode(".jpg", RAMP)[1].tobytes()
+    start = content.index(b"\xff\xda")
+    (tmp_path / "a.jpg").write_bytes(content[:start] + 600 * content[start:-2] + content[-2:])
+    with pytest.raises(FileError, match="at most 500 scans"):
+        read_image(tmp_path / "a.jpg")
+
+
 def test_cut_short_is_refused(tmp_path):
     noise = np.random.default_rng(0).integers(0, 256, (64, 64), dtype=np.uint8)
     whole = cv2.imencode(".png", noise)[1].tobytes()

@@ -1,7 +1,8 @@
-"""Size and channels of a picture from its first bytes, before any memory is taken for its pixels."""
+"""Size and channels of a picture from its first bytes, before any memory is taken, and whether its parts are whole."""
 
 from __future__ import annotations
 
+import re
 import struct
 import zlib
 from dataclasses import dataclass
@@ -11,6 +12,10 @@ from typing import BinaryIO
 from retrue.errors import FileError
 
 PNG = b"\x89PNG\r\n\x1a\n"
+JPEG = b"\xff\xd8"
+MARKER = re.compile(rb"\xff[\x01-\xcf\xd8-\xfe]")  # among a JPEG's pixels: no stuffed zero, no restart, no fill byte
+SCAN, END = 0xDA, 0xD9
+SEGMENTS = frozenset({*range(0xC0, 0xD0), *range(0xDA, 0xF0), 0xFE})  # tables, frames, scans, what tools add
 MOST_MARKERS = 10_000  # of a JPEG, before its picture; fill bytes count too
 
 
@@ -29,7 +34,7 @@ def read_image_header(path: Path) -> ImageHeader:
             start = stream.read(32)
             if start.startswith(PNG):
                 return _png(start)
-            if start.startswith(b"\xff\xd8"):
+            if start.startswith(JPEG):
                 return _jpeg(stream)
             if start.startswith(b"BM"):
                 return _bmp(start)
@@ -59,6 +64,29 @@ def png_is_whole(content: bytes) -> bool:
         if kind == b"IEND":
             return place <= len(content)
     return False
+
+
+def jpeg_scans(content: bytes, most: int) -> int:
+    """How many scans a JPEG has, counted until they are more than `most`; 0 where its markers do not lead to its end.
+
+    A JPEG has no checksums. But what was written over its pixels holds a marker that none may have after some 250
+    bytes; libjpeg tells the terminal of it, and reads on.
+
+    >>> jpeg_scans(b"\\xff\\xd8" + b"\\xff\\xda\\0\\2" + b"pixels\\xff\\0" + b"\\xff\\xd9", 9)
+    1
+    >>> jpeg_scans(b"\\xff\\xd8" + b"\\xff\\xda\\0\\2" + b"pixels\\xff\\3" + b"\\xff\\xd9", 9)
+    0
+    """
+    place, scans = 2, 0
+    while scans <= most and (found := MARKER.search(content, place)):
+        marker, place = content[found.end() - 1], found.end()
+        if marker == END:
+            return scans
+        if marker not in SEGMENTS:
+            return 0
+        scans += marker == SCAN
+        place += int.from_bytes(content[place : place + 2], "big")
+    return scans if scans > most else 0
 
 
 def _sum(chunk: memoryview) -> bytes:

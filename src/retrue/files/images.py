@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, cast
 
 from retrue.errors import CaptureError, FileError, InputError, require_kind, require_kinds, require_path
 from retrue.files.atomic import read_bytes, replaced_file
-from retrue.files.image_header import PNG, ImageHeader, png_is_whole, read_image_header
+from retrue.files.image_header import JPEG, PNG, ImageHeader, jpeg_scans, png_is_whole, read_image_header
 
 if TYPE_CHECKING:
     from retrue.geometry.arrays import Image
@@ -115,13 +115,6 @@ def picture_paths(folder: Path) -> list[Path]:
     return sorted(paths, key=lambda entry: (natural_key(entry.name), entry.name))
 
 
-def _content(path: Path, limit: int) -> bytes:
-    content = read_bytes(path, limit)
-    if content.startswith(b"\xff\xd8") and content.count(b"\xff\xda") > MOST_SCANS:
-        raise FileError(path, f"expected a JPEG of at most {MOST_SCANS} scans, found more")
-    return content
-
-
 def _require_one_size(folder: Path, paths: Sequence[Path], sizes: Sequence[tuple[int, int]]) -> None:
     usual = max(set(sizes), key=sizes.count)
     odd = [(entry.name, size) for entry, size in zip(paths, sizes, strict=True) if size != usual]
@@ -148,10 +141,13 @@ def _decoded(path: Path, header: ImageHeader, grey: bool) -> Image:
 
     flags = cv2.IMREAD_ANYDEPTH | cv2.IMREAD_IGNORE_ORIENTATION
     flags |= cv2.IMREAD_GRAYSCALE if grey or header.channels == 1 else cv2.IMREAD_COLOR
-    content = _content(path, BYTES_A_PIXEL * header.size[0] * header.size[1] + METADATA_BYTES)
+    content = read_bytes(path, BYTES_A_PIXEL * header.size[0] * header.size[1] + METADATA_BYTES)
     too_short = header.size[0] * header.size[1] > MOST_PIXELS_A_BYTE * len(content)
-    if too_short or (content.startswith(PNG) and not png_is_whole(content)):
+    scans = jpeg_scans(content, MOST_SCANS) if content.startswith(JPEG) else 1
+    if too_short or not scans or (content.startswith(PNG) and not png_is_whole(content)):
         raise FileError(path, "not a picture that can be read: damaged or cut short")
+    if scans > MOST_SCANS:
+        raise FileError(path, f"expected a JPEG of at most {MOST_SCANS} scans, found more")
     try:
         image = cast("Image | None", cv2.imdecode(np.frombuffer(content, dtype=np.uint8), flags))
     except cv2.error as error:
