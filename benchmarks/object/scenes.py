@@ -91,7 +91,15 @@ def make_scene(rng: np.random.Generator, distance: float, paint: Paint | None = 
     return Scene(things, (0.04, 0.04, 0.04), bright_at=distance)
 
 
-def take(rig: Rig, scene: Scene, pattern: Pattern, distance: float, seed: int, noise: float = 1.0) -> Shot:
+def take(
+    rig: Rig,
+    scene: Scene,
+    pattern: Pattern,
+    distance: float,
+    seed: int,
+    noise: float = 1.0,
+    blur_px: float = BLUR_PX,
+) -> Shot:
     """The pictures, with shot noise of `noise` times that of 10 000 electrons and vignetting, decoded."""
     transport = find_transport(_finer(rig), scene, FINER * PROJECTOR_BLUR_PX)
     grid = isinstance(pattern, ColorGrid)
@@ -102,7 +110,7 @@ def take(rig: Rig, scene: Scene, pattern: Pattern, distance: float, seed: int, n
         shown = [picture[..., None] for picture in pattern.render()]
     pictures: list[Image] = []
     for number, picture in enumerate(shown):
-        light = gaussian_blur(_light(transport, picture), FINE * BLUR_PX)
+        light = gaussian_blur(_light(transport, picture), FINE * blur_px)
         height, width = light.shape[0] // FINE, light.shape[1] // FINE
         gathered = light.reshape(height, FINE, width, FINE, 3).mean(axis=(1, 3)).astype(np.float64)
         taken = model.picture(gathered, 1000 * seed + number)

@@ -1,8 +1,9 @@
 """How many points lie within 1, 2 and 3 of their own sigma, by distance and beside edges.
 
-    python -m benchmarks.object.sigma [SCENES] [FIRST SEED]
+    python -m benchmarks.object.sigma [SCENES] [FIRST SEED] [BLUR PX] [PATTERN ...]
 
-A right sigma holds 68.3, 95.4 and 99.7 %. The error is along the camera's ray, to where the surface truly is.
+A right sigma holds 68.3, 95.4 and 99.7 %. The error is along the camera's ray, to where the surface truly is. Blur is
+one sigma of the camera's lens; of the patterns all are asked, unless some are named.
 """
 
 from __future__ import annotations
@@ -12,6 +13,7 @@ import sys
 import numpy as np
 
 from benchmarks.object.scenes import (
+    BLUR_PX,
     DISTANCES,
     EDGE_PX,
     PATTERNS,
@@ -29,16 +31,16 @@ from retrue.reconstruction.reconstruct import reconstruct
 from retrue.reconstruction.surface_grid import cell_index
 
 
-def main(scenes: int, first: int) -> None:
+def main(scenes: int, first: int, blur_px: float, patterns: list[str]) -> None:
     print(f"{'':26}{'points':>9}{'sigma mm':>10}   all of them within 1, 2, 3     {EDGE_PX:g} px beside edges")
-    for name, make in PATTERNS.items():
-        pattern = make()
+    for name in patterns:
+        pattern = PATTERNS[name]()
         rig = make_rig((1280, 960) if isinstance(pattern, ColorGrid) else (960, 720))
         for distance in DISTANCES:
             found: list[tuple[FloatArray, FloatArray, BoolArray]] = []
             for seed in range(first, first + scenes):
                 scene = make_scene(np.random.default_rng([seed, int(distance)]), distance)
-                found.append(errors(take(rig, scene, pattern, distance, seed)))
+                found.append(errors(take(rig, scene, pattern, distance, seed, blur_px=blur_px)))
             z, sigma, edge = (np.concatenate(part) for part in zip(*found, strict=True))
             row = f"{name + f', {distance:g} mm':26}{len(z):9}{np.median(sigma):10.4f}"
             print(f"{row}   {within(z)}          {within(z[edge])}  ({100 * edge.mean():.1f} %)", flush=True)
@@ -66,5 +68,6 @@ def within(z: FloatArray) -> str:
 
 
 if __name__ == "__main__":
-    words = [int(word) for word in sys.argv[1:]]
-    main(words[0] if words else 1, words[1] if len(words) > 1 else 700)
+    words = sys.argv[1:]
+    count, seed, blur = (words[k] if k < len(words) else usual for k, usual in enumerate(("1", "700", str(BLUR_PX))))
+    main(int(count), int(seed), float(blur), words[3:] or list(PATTERNS))
