@@ -62,15 +62,6 @@ class Hypothesis:
         as_given, through_moved = total_costs(self._with_misfit, asides)
         return self.moved if as_given - through_moved > MOVES else self.fixed
 
-    def same(self, other: Hypothesis) -> bool:
-        """Whether both forms of both are at one place, of the same points."""
-        of_both = _gone(self.fixed.measured), _gone(other.fixed.measured)
-        if not (np.array_equal(*of_both) and one_place(self.fixed, other.fixed)):
-            return False
-        if self.moved is None or other.moved is None:
-            return self.moved is other.moved
-        return one_place(self.moved, other.moved)
-
     @cached_property
     def _with_misfit(self) -> list[Posterior]:
         """Both as they are compared: what no lens explains of a real one is a rival of lenses that move."""
@@ -220,11 +211,9 @@ def without_parts(
                 if any(other.name == ELSEWHERE for other in others):  # the plane led there; what agrees belongs to it
                     led = _fixed(apart, start, prior)
                     apart, start = with_agreeing(led), led.parameters
-                one = hypothesis(apart, start, prior, tight, homographies)
+                found.append(hypothesis(apart, start, prior, tight, homographies))
             except DegenerateError:
                 continue
-            if not any(one.same(other) for other in found):
-                found.append(one)
     return found
 
 
@@ -236,11 +225,6 @@ def _once(starts: list[tuple[Posterior, list[Part]]]) -> list[tuple[Posterior, l
         if not any(np.array_equal(gone, rows) and one_place(fit, other) for other, _, rows in kept):
             kept.append((fit, others, gone))
     return [(fit, others) for fit, others, _ in kept]
-
-
-def _gone(measured: Measured) -> BoolArray:
-    """(N,) points set aside."""
-    return np.zeros(len(measured), dtype=np.bool_) if measured.aside is None else measured.aside
 
 
 def one_place(fit: Posterior, other: Posterior) -> bool:
