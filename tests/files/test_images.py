@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 from retrue.errors import CaptureError, FileError, InputError
+from retrue.files.image_header import jpeg_scans
 from retrue.files.images import read_folder, read_image, write_png
 
 RAMP = np.add.outer(np.arange(20), 3 * np.arange(30)).astype(np.uint8)
@@ -71,6 +72,16 @@ def test_a_jpeg_that_was_written_over_is_told_by_us_alone(tmp_path, capfd, flags
     with pytest.raises(FileError, match=r"a\.jpg: not a picture that can be read: damaged"):
         read_image(tmp_path / "a.jpg")
     assert capfd.readouterr().err == ""
+
+
+@pytest.mark.parametrize("flags", [[], [cv2.IMWRITE_JPEG_PROGRESSIVE, 1], [cv2.IMWRITE_JPEG_RST_INTERVAL, 5]])
+def test_what_is_written_over_a_jpeg_may_look_like_one_of_its_parts(flags):
+    rng = np.random.default_rng(1)
+    content = cv2.imencode(".jpg", rng.integers(0, 256, (300, 400), dtype=np.uint8), flags)[1].tobytes()
+    places = rng.integers(len(content) // 4, len(content) - 5000, 40).tolist()
+    damaged = [content[:place] + rng.bytes(4096) + content[place + 4096 :] for place in places]
+    assert jpeg_scans(content, 500) > 0
+    assert sum(jpeg_scans(one, 500) == 0 for one in damaged) >= 39  # one in some 250 has an end of its own
 
 
 def test_a_jpeg_of_too_many_scans_is_refused(tmp_path):

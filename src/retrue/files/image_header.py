@@ -69,23 +69,29 @@ def png_is_whole(content: bytes) -> bool:
 def jpeg_scans(content: bytes, most: int) -> int:
     """How many scans a JPEG has, counted until they are more than `most`; 0 where its markers do not lead to its end.
 
-    A JPEG has no checksums. But what was written over its pixels holds a marker that none may have after some 250
-    bytes; libjpeg tells the terminal of it, and reads on.
+    A JPEG has no checksums. But what was written over its pixels holds a marker after some 250 bytes, of a kind that
+    none may have there, or of a part that no other follows; libjpeg tells the terminal of it, and reads on.
 
-    >>> jpeg_scans(b"\\xff\\xd8" + b"\\xff\\xda\\0\\2" + b"pixels\\xff\\0" + b"\\xff\\xd9", 9)
+    >>> scan = b"\\xff\\xda\\0\\x08\\1" + bytes(5)
+    >>> jpeg_scans(b"\\xff\\xd8" + scan + b"pixels\\xff\\0" + b"\\xff\\xd9", 9)
     1
-    >>> jpeg_scans(b"\\xff\\xd8" + b"\\xff\\xda\\0\\2" + b"pixels\\xff\\3" + b"\\xff\\xd9", 9)
+    >>> jpeg_scans(b"\\xff\\xd8" + scan + b"pixels\\xff\\3" + b"\\xff\\xd9", 9)
     0
     """
     place, scans = 2, 0
     while scans <= most and (found := MARKER.search(content, place)):
-        marker, place = content[found.end() - 1], found.end()
+        marker, start = content[found.end() - 1], found.end()
         if marker == END:
             return scans
-        if marker not in SEGMENTS:
+        length = int.from_bytes(content[start : start + 2], "big")
+        place = start + length
+        if marker == SCAN:
+            scans += 1
+            follows = length == 6 + 2 * int.from_bytes(content[start + 2 : start + 3])  # two bytes for each colour
+        else:  # before the pixels, tools that add something are believed
+            follows = marker in SEGMENTS and not (scans and content[place : place + 1] != b"\xff")
+        if not follows:
             return 0
-        scans += marker == SCAN
-        place += int.from_bytes(content[place : place + 2], "big")
     return scans if scans > most else 0
 
 
