@@ -19,7 +19,7 @@ PERIOD = np.array([40.0, 64.0])
 
 
 def spoilt(shifts: np.ndarray, wrong: int) -> tuple[list[np.ndarray], list[np.ndarray]]:
-    """Which points have each of those shifts, and which `shifted_codes` finds; as many more are anywhere."""
+    """Which 50 points have each of those shifts, and which `shifted_codes` finds; so many `wrong` ones are anywhere."""
     measured, truth = measured_scene("corner")
     rng = np.random.default_rng(0)
     points, projector_px = measured.support.points, measured.projector_px.copy()

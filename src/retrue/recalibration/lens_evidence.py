@@ -227,10 +227,11 @@ def _curved(measured: Measured, parameters: Parameters, degree: int) -> tuple[Me
 
 def _preferred(held: Posterior, free: Posterior, part: Part | None, price: float) -> float:
     costs, theirs = _joint_costs(held, held), _joint_costs(free, held)
-    # The rivals of a changed lens: those points are copies of a plane, seen in a mirror, or moved, and as well known.
+    # The rivals of a changed lens: those points are copies, seen in a mirror, or moved, and as well known.
     outside = unexplained(held)
     copies = shifted_copies(held, outside)
-    copies += shifted_codes(held, outside & ~np.any([np.zeros_like(outside), *(copy.rows for copy in copies)], axis=0))
+    left = outside & ~np.any([np.zeros_like(outside), *(copy.rows for copy in copies)], axis=0)
+    copies += shifted_codes(held, left)
     parts = [(copy.rows, copy.seldom, price_of(copy)) for copy in copies]
     parts += [(rows, 1.0, PART_PRICE) for rows in (held.measured.aside, part and part.rows) if rows is not None]
     for rows, seldom, own_price in parts:

@@ -26,7 +26,7 @@ class Measured:
     rig : whose lenses may change.
     camera_px, projector_px : (N, 2).
     support : their rays through the rig's own lenses, with planes and blocks.
-    shapes : (N, 3) bows of each point's plane, RMS 1 over the plane; 0 of points on none.
+    shapes : (N, B) bows of each point's plane, three but of what is curved, RMS 1 over the plane; 0 of points on none.
     flatness : RMS bow of planes, relative to their distance.
     neighbours : (N, 4) rows of the nearest points in the picture; (N, 0) where nobody asks.
     misfit : px, what no lens model explains of a real lens, and a part of the picture shares; part of the noise.
@@ -55,7 +55,7 @@ class Measured:
         return len(self.camera_px)
 
     def bowed(self, bows: FloatArray) -> PlaneBows:
-        """Planes by those bows (P, 3), and what share of its plane's disparity each moves a point by."""
+        """Planes by those bows (P, B), and what share of its plane's disparity each moves a point by."""
         return self.shapes * self.flatness, np.ascontiguousarray(bows)
 
     def seen(self, lens: FloatArray) -> TwoViewPoints:

@@ -63,7 +63,7 @@ class Parameters:
     ----------
     pose : R, unit t, planes.
     lens : (8,) changes of both lenses, see `lens`.
-    bows : (P, 3) of the planes, in units of `flatness`.
+    bows : (P, B) of the planes, in units of `flatness`.
     """
 
     pose: TwoViewPose
@@ -80,7 +80,7 @@ class Parameters:
         return replace(self, pose=replace(self.pose, planes=self.pose.planes[~gone]), bows=self.bows[~gone])
 
     def moved(self, step: FloatArray) -> Parameters:
-        """By a step of the pose and planes (5 + 3 P), the lenses (8) and the bows (3 P)."""
+        """By a step of the pose and planes (5 + 3 P), the lenses (8) and the bows (B P)."""
         size = POSE_PARAMETERS + 3 * len(self.pose.planes)
         return Parameters(
             self.pose.moved(step[:size]),
@@ -303,7 +303,7 @@ class Posterior:
 
     @property
     def bow_information(self) -> FloatArray:
-        """(3 P, 3 P) of the bows, priors included, pose and planes being free, the lenses as they are."""
+        """(B P, B P) of the bows, priors included, pose and planes being free, the lenses as they are."""
         own, _ = self.own_and_lens
         information = self.information[np.ix_(own, own)] if self.prior.free else self._equations_of_a_step[0]
         first = POSE_PARAMETERS + 3 * len(self.pose.planes)

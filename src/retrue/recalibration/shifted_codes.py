@@ -15,8 +15,8 @@ from retrue.recalibration.parts import A_COPY, FEWEST_OF_A_PART, LOUD, MOST_COPI
 from retrue.recalibration.posterior import Posterior
 
 DRAWN = 24  # points whose pairs tell a shift
-REFINED = 4
-PARALLEL = 1e-5
+REFINED = 4  # steps of least squares
+PARALLEL = 1e-5  # of the other axis: what lines of a rectified rig tell of a shift along them
 
 
 def shifted_codes(posterior: Posterior, outside: BoolArray) -> list[Part]:
