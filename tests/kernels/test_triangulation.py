@@ -54,5 +54,7 @@ def test_how_far_rays_miss_each_other_and_homographies() -> None:
             assert np.isnan(missed[0, k]).all()
             continue
         there = H[plane[k]] @ x1[k]
-        wide = sx[k] * np.sqrt(abs(np.linalg.det(H[plane[k]]) / there[2] ** 3))
-        np.testing.assert_allclose(missed[0, k], (y[k] - there[:2] / there[2]) / np.hypot(wide, sy[k]), rtol=1e-9)
+        moved = (H[plane[k]][:2] - np.outer(there[:2] / there[2], H[plane[k]][2]))[:, :2] / there[2]
+        values, axes = np.linalg.eigh(sy[k] ** 2 * np.eye(2) + sx[k] ** 2 * moved @ moved.T)
+        whitened = axes / np.sqrt(values) @ axes.T @ (y[k] - there[:2] / there[2])
+        np.testing.assert_allclose(missed[0, k], whitened, rtol=1e-9)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import cython
-from cython.cimports.libc.math import fabs, sqrt
+from cython.cimports.libc.math import sqrt
 
 NAN = cython.declare(cython.double, float("nan"))
 INFINITY = cython.declare(cython.double, float("inf"))
@@ -98,7 +98,8 @@ def missed(
 ) -> None:
     """`found` (N, 2) <- what the homography (P, 3, 3) of its plane misses each point by, in its own sigma; NaN on none.
 
-    The camera's noise counts as large as the homography makes it there: by root |det d y / d x|.
+    That is C^-1/2 (y - H x), with C = sy^2 I + sx^2 J J^T and J = d y / d x: the camera's noise as the homography has
+    it there, longer one way than the other where the plane is seen aslant.
     """
     cython.declare(k=cython.Py_ssize_t, p=cython.Py_ssize_t)
     with cython.nogil:
@@ -111,11 +112,19 @@ def missed(
             a, b, c = homographies[p, 0, 0], homographies[p, 0, 1], homographies[p, 0, 2]
             d, e, f = homographies[p, 1, 0], homographies[p, 1, 1], homographies[p, 1, 2]
             g, h, i = homographies[p, 2, 0], homographies[p, 2, 1], homographies[p, 2, 2]
-            determinant = a * (e * i - f * h) - b * (d * i - f * g) + c * (d * h - e * g)
             depth = g * x + h * y + i
             if depth == 0:
                 continue
-            magnified = fabs(determinant / (depth * depth * depth))
-            sigma = sqrt(camera_sigma[k] * camera_sigma[k] * magnified + projector_sigma[k] * projector_sigma[k])
-            found[k, 0] = (projector_rays[k, 0] - (a * x + b * y + c) / depth) / sigma
-            found[k, 1] = (projector_rays[k, 1] - (d * x + e * y + f) / depth) / sigma
+            u, v = (a * x + b * y + c) / depth, (d * x + e * y + f) / depth
+            j11, j12 = (a - u * g) / depth, (b - u * h) / depth
+            j21, j22 = (d - v * g) / depth, (e - v * h) / depth
+            vx, vy = camera_sigma[k] * camera_sigma[k], projector_sigma[k] * projector_sigma[k]
+            c11, c12 = vy + vx * (j11 * j11 + j12 * j12), vx * (j11 * j21 + j12 * j22)
+            c22 = vy + vx * (j21 * j21 + j22 * j22)
+            # C^1/2 = (C + s I) / t with s^2 = det C and t^2 = tr C + 2 s, by Cayley and Hamilton.
+            determinant = c11 * c22 - c12 * c12
+            s = sqrt(determinant) if determinant > 0 else 0.0
+            scale = s * sqrt(c11 + c22 + 2 * s)
+            right, down = projector_rays[k, 0] - u, projector_rays[k, 1] - v
+            found[k, 0] = ((c22 + s) * right - c12 * down) / scale
+            found[k, 1] = ((c11 + s) * down - c12 * right) / scale

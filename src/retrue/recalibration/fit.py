@@ -37,7 +37,7 @@ from retrue.geometry.two_view import (
     tangent_basis,
 )
 from retrue.recalibration.rays import Rays
-from retrue.recalibration.uneven_noise import LineNoise, line_noise
+from retrue.recalibration.uneven_noise import LineNoise, NoiseShape, line_noise
 from retrue.rig import Rig
 
 BLOCKS = 6  # per side: a slow error is common to 1/36 of the picture, or of a plane
@@ -93,7 +93,7 @@ class PoseFit:
     found : residuals at the pose.
     epipolar_noise, along_noise : levels of both families.
     robust_weights : (2, N) of both, 0 .. 1.
-    noise_covariance : (2, 2) of a match's noise along the projector's axes, up to a factor; None where it is alike.
+    noise_shape : of a match, up to a factor; None where it is alike along all axes.
     """
 
     pose: TwoViewPose
@@ -102,7 +102,7 @@ class PoseFit:
     epipolar_noise: Noise
     along_noise: Noise
     robust_weights: FloatArray
-    noise_covariance: FloatArray | None = None
+    noise_shape: NoiseShape | None = None
 
     @cached_property
     def covariance(self) -> FloatArray:
@@ -137,7 +137,7 @@ class PoseFit:
     @cached_property
     def uneven(self) -> LineNoise | None:
         """How loud each is about its own line, where noise is louder along one axis than across it."""
-        return None if self.noise_covariance is None else line_noise(self.pose, self.points, self.noise_covariance)
+        return None if self.noise_shape is None else line_noise(self.pose, self.points, self.noise_shape)
 
     @cached_property
     def alike(self) -> FloatArray:
@@ -204,7 +204,7 @@ def evaluate(
     support: Support,
     bows: PlaneBows = NO_BOWS,
     aside: BoolArray | None = None,
-    noise_covariance: FloatArray | None = None,
+    noise_shape: NoiseShape | None = None,
 ) -> PoseFit:
     """Residuals, noise and weights at a pose; rows (N,) set aside leave no residual."""
     found = residuals(pose, support.points, bows)
@@ -217,7 +217,7 @@ def evaluate(
         raise DegenerateError("pose: fewer measurements than unknowns; more correspondences are needed")
     levels = _levels(found, on_plane, count / freedom)
     (across, along), robust_weights = noises_and_weights(found.both, levels, support.blocks, BLOCKS)
-    return PoseFit(pose, support.points, found, across, along, robust_weights, noise_covariance)
+    return PoseFit(pose, support.points, found, across, along, robust_weights, noise_shape)
 
 
 def chi_square(fit: PoseFit, reference: PoseFit) -> FloatArray:

@@ -94,7 +94,7 @@ from retrue.recalibration.slow_errors import TakenUp, taken_up
 from retrue.recalibration.swapped import move_if_exchanged
 from retrue.recalibration.together import pose_with_lenses
 from retrue.recalibration.turned import turned_over
-from retrue.recalibration.uneven_noise import noise_covariance
+from retrue.recalibration.uneven_noise import noise_shape
 from retrue.rig import Rig
 
 COMPARED_POINTS = 1500  # enough to tell hypotheses apart; the best is then fitted to all
@@ -170,7 +170,8 @@ def judge(rig: Rig, captures: Sequence[Correspondences], options: RecalibrateOpt
     if not photographs:
         between = planes_between(few.points.plane_index, neighbours, len(homographies))
         rays, few, homographies = _without_planes(between, rays, few, homographies)
-    uneven = noise_covariance(homography_residuals(few.points, homographies), few.points.plane_index, neighbours)
+    uneven = noise_shape(few.points, homographies, neighbours)
+    uneven_of_all = None if uneven is None else uneven.of(rays.points, homographies)
     fits = refined_poses(starting_poses(few.points, homographies, old, noise, rng), Support.of(few), rng)
     tight = stated_prior(rig, options.focal_sigma, options.principal_point_sigma_px, options.k1_sigma)
     wide = wide_prior(rig, tight)
@@ -182,7 +183,7 @@ def judge(rig: Rig, captures: Sequence[Correspondences], options: RecalibrateOpt
         lone = None  # small things of photographs show one match each, and no surface has a second of them
         if not photographs:
             lone = noise_of_planes(few.points, homographies, neighbours, plane_levels(measured))
-        measured = replace(measured, noise_covariance=uneven, lone=lone)
+        measured = replace(measured, noise_shape=uneven, lone=lone)
         hypotheses = hypotheses_of(measured, starts, prior, tight, homographies)
         posteriors = [one.better() for one in hypotheses]
         majorities = quieter_majorities(measured, posteriors, noise, local, prior, tight, homographies, rng)
@@ -243,7 +244,7 @@ def judge(rig: Rig, captures: Sequence[Correspondences], options: RecalibrateOpt
     nobody = np.empty((len(rays), 0), dtype=np.int64)
     whole = _measured(rig, captures, rays, homographies, nobody, options.flatness_sigma, photographs)
     misfit = MISFIT_PX if photographs else 0.0  # of a projector's points, a slow error holds it
-    whole = replace(whole, aside=turned if turned.any() else None, misfit=misfit, noise_covariance=uneven)
+    whole = replace(whole, aside=turned if turned.any() else None, misfit=misfit, noise_shape=uneven_of_all)
     answer = posterior_at(whole, start, prior)
     others = parts_apart(answer, part, whole.homography_residuals)
     for other in others:

@@ -12,6 +12,7 @@ from retrue.geometry.two_view import FREE, PlaneBows, TwoViewPoints
 from retrue.kernels import lenses as kernel
 from retrue.recalibration.fit import Support
 from retrue.recalibration.lens import LENS_PARAMETERS, lens_numbers
+from retrue.recalibration.uneven_noise import NoiseShape
 from retrue.rig import Rig
 
 MISFIT_PX = 0.04  # of a real lens from its model, shared by a part of the picture: no term of the model mends it
@@ -32,7 +33,7 @@ class Measured:
     misfit : px, what no lens model explains of a real lens, and a part of the picture shares; part of the noise.
     homography_residuals : (N, 2) that each plane's homography leaves by itself.
     aside : (N,) rows that belong to another pose and leave no residual.
-    noise_covariance : (2, 2) of a match's noise along the projector's axes, see `uneven_noise`; None where it is alike.
+    noise_shape : of a match, see `uneven_noise`; None where it is alike along all axes.
     textured : whether matches are of the scene's own texture, which may repeat in space.
     lone : (N,) points off all planes that may be the noise of one, see `noise_of_planes`; None where nobody asks.
     """
@@ -47,7 +48,7 @@ class Measured:
     misfit: float = 0.0
     homography_residuals: FloatArray = field(default_factory=lambda: np.empty((0, 2)))
     aside: BoolArray | None = None
-    noise_covariance: FloatArray | None = None
+    noise_shape: NoiseShape | None = None
     textured: bool = False
     lone: BoolArray | None = None
 
@@ -92,6 +93,7 @@ class Measured:
             if len(self.homography_residuals)
             else self.homography_residuals,
             aside=None if self.aside is None else self.aside[rows],
+            noise_shape=None if self.noise_shape is None else self.noise_shape.select(rows),
             lone=None if self.lone is None else self.lone[rows],
         )
 

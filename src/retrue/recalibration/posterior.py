@@ -378,7 +378,7 @@ def posterior_at(measured: Measured, parameters: Parameters, prior: Prior) -> Po
     """Residuals, noise and weights at one place of the parameters; normal equations when they are asked for."""
     points = measured.seen(parameters.lens)
     support, bows = Support(points, measured.support.blocks), measured.bowed(parameters.bows)
-    fit = evaluate(parameters.pose, support, bows, measured.aside, measured.noise_covariance)
+    fit = evaluate(parameters.pose, support, bows, measured.aside, measured.noise_shape)
     fit = without_chance(fit, measured.aside, measured.lone)
     fit = with_misfit(fit, measured) if measured.misfit > 0 else fit
     return Posterior(parameters, prior, points, fit, measured)
