@@ -8,10 +8,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from retrue.correspondences import Correspondences
-from retrue.errors import InputError
-from retrue.geometry.arrays import BoolArray, FloatArray, IntArray, finite_array
+from retrue.geometry.arrays import BoolArray, FloatArray, IntArray
 from retrue.geometry.transform import direction_angle, rotation_angle
-from retrue.geometry.two_view import POSE_PARAMETERS, pose_difference
 from retrue.recalibration.all_points import apart_as_chosen, pulled_away, settled, without_strays
 from retrue.recalibration.bent_planes import bent_planes
 from retrue.recalibration.bows import bow_shapes
@@ -23,9 +21,9 @@ from retrue.recalibration.candidates import (
     starting_poses,
     with_planes,
 )
-from retrue.recalibration.chance import deviations_limit, deviations_of_mixture
 from retrue.recalibration.consensus import quieter_majorities
 from retrue.recalibration.contradiction import MOST_DEVIATIONS, differing_capture
+from retrue.recalibration.curved_surfaces import curved_of, curved_rival
 from retrue.recalibration.doubtful_planes import (
     better_without_planes,
     curved_planes,
@@ -35,7 +33,7 @@ from retrue.recalibration.doubtful_planes import (
     planes_between,
     quieter,
 )
-from retrue.recalibration.fit import Support, carried, own_pose
+from retrue.recalibration.fit import Support, own_pose
 from retrue.recalibration.hypotheses import hypotheses_of, without_parts
 from retrue.recalibration.lens import LENS_NAMES, LENS_PARAMETERS, stated_prior, wide_prior
 from retrue.recalibration.lens_evidence import LensEvidence, hidden_by_planes, lens_evidence
@@ -79,7 +77,7 @@ from retrue.recalibration.reasons import (
     TooFewPoints,
     Undecidable,
 )
-from retrue.recalibration.result import Evidence, PoseSigma, sigma_at, working_distance
+from retrue.recalibration.result import PoseSigma, working_distance
 from retrue.recalibration.rivals import (
     Rival,
     has_copies,
@@ -101,7 +99,6 @@ COMPARED_POINTS = 1500  # enough to tell hypotheses apart; the best is then fitt
 LEAST_LEFT = 0.05  # of the points, as many as a plane holds at least
 LEAST_TURNED = 0.03  # of the points; wrong matches turn a few over, too
 LARGEST_OTHER_PART = 0.8  # of the share that agrees
-HELD = 1e-3  # of good rigs that are told to have moved
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -210,6 +207,9 @@ def judge(rig: Rig, captures: Sequence[Correspondences], options: RecalibrateOpt
             curved = misleading_plane(best, lens.kept)
         if photographs and not curved.any():
             curved = bent_planes(best)
+        bent = None if photographs or curved.any() else curved_rival(best, old)
+        if bent is not None and not bent.margin >= 0:
+            curved = curved_of(bent)
         if photographs and not curved.any() and not has_copies(best):
             curved = needless_planes(best, lens.kept)  # without its plane, a copy would be another surface
         changed = lens.verdict == "changed"  # through another lens planes look curved
@@ -230,6 +230,8 @@ def judge(rig: Rig, captures: Sequence[Correspondences], options: RecalibrateOpt
         # Those poses were of planes that are none, and what is curved often leaves two that differ by little.
         fits = refined_poses(starting_poses(few.points, homographies, old, noise, rng), Support.of(few), rng)
         starts += [Parameters.of(fit.pose) for fit in foremost(fits, few.points)]
+    if bent is not None and lens.verdict != "changed":
+        rivals = (*rivals, bent)
     start = best.parameters
     if lens.verdict == "changed" and options.lens == "refit" and lens.posterior is not None:
         best, rivals = ranked([lens.posterior, *lens.others], measured, few, light, old, asides, rng)
@@ -331,46 +333,6 @@ def objection(
         if not error <= allowed:
             return Imprecise(sigma.rotation_deg, sigma.translation_deg, error, allowed)
     return None
-
-
-def drift(rig: Rig, judgement: Judgement, options: RecalibrateOptions) -> float:
-    """By how many sigma the captures contradict the rig's own pose: chi with five degrees of freedom if it holds.
-
-    The nearest explanation counts, of those that the captures do not tell apart; what slow errors it took up is not
-    known, so that sigma are those exceeded as seldom as its distance is over all of them.
-    """
-    own, old = own_covariance(rig, options), own_pose(rig)
-    unbeaten = [rival.posterior for rival in judgement.rivals if not rival.margin >= options.min_margin]
-    possible = [(judgement.answer, judgement.slow), *((fit, taken_up(fit)) for fit in unbeaten)]
-    found: list[float] = []
-    for fit, slow in possible:
-        there = carried(old, fit.pose)
-        covariances = fit.covariance + there @ own @ there.T + slow.covariances
-        difference = pose_difference(old, fit.pose)
-        solved = np.linalg.solve(covariances, difference[:, None])[..., 0]
-        found.append(deviations_of_mixture(slow.weights, np.sqrt([one @ difference for one in solved])))
-    return min(found)
-
-
-def own_covariance(rig: Rig, options: RecalibrateOptions) -> FloatArray:
-    """(5, 5) of the rig's own pose: what its evidence states, else what the options have."""
-    stated = rig.evidence.get("covariance")
-    if stated is None:
-        rotation, translation = np.radians([options.rig_sigma_rotation_deg, options.rig_sigma_translation_deg])
-        return np.diag([rotation**2] * 3 + [translation**2] * 2)
-    covariance = finite_array(stated, (POSE_PARAMETERS, POSE_PARAMETERS), "rig evidence, covariance")
-    if not np.linalg.eigvalsh(covariance)[0] > 0:
-        raise InputError("rig evidence, covariance: expected a covariance, found eigenvalues that are not positive")
-    return covariance
-
-
-def holds(rig: Rig, judgement: Judgement, evidence: Evidence, options: RecalibrateOptions) -> bool:
-    """Whether the rig's own pose explains the captures too, and is known more closely than they know it."""
-    found = None if evidence.sigma is None else evidence.sigma.displacement
-    if found is None or not drift(rig, judgement, options) <= deviations_limit(HELD):
-        return False
-    known = sigma_at(evidence.working_distance, own_covariance(rig, options), own_pose(rig), rig).displacement
-    return known is not None and known <= found
 
 
 def _measured(

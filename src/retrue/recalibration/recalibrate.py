@@ -11,7 +11,8 @@ from retrue.correspondences import Correspondences, require_captures
 from retrue.errors import DegenerateError, require_kind
 from retrue.geometry.arrays import FloatArray, finite_array
 from retrue.rasters import check_captures, picture_mirrored
-from retrue.recalibration.judge import Judgement, holds, judge, objection
+from retrue.recalibration.drift import holds
+from retrue.recalibration.judge import Judgement, judge, objection
 from retrue.recalibration.lens import LENS_PARAMETERS, changed_device
 from retrue.recalibration.options import RecalibrateOptions
 from retrue.recalibration.reasons import reason_of

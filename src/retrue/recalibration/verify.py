@@ -19,8 +19,9 @@ from retrue.geometry.two_view import epipolar_residuals
 from retrue.rasters import check_captures, picture_mirrored
 from retrue.recalibration.chance import deviations_limit
 from retrue.recalibration.contradiction import contradiction
+from retrue.recalibration.drift import drift, own_covariance
 from retrue.recalibration.fit import own_pose
-from retrue.recalibration.judge import Judgement, drift, judge, objection, own_covariance
+from retrue.recalibration.judge import Judgement, judge, objection
 from retrue.recalibration.options import VerifyOptions
 from retrue.recalibration.reasons import (
     Imprecise,
