@@ -14,12 +14,13 @@ from retrue.geometry.nearest import nearest_of_all
 from retrue.geometry.transform import direction_angle, rotation_angle, vector_from_rotation
 from retrue.geometry.two_view import FREE, TwoViewPoints, tangent_basis
 from retrue.recalibration.chance import beyond_chance, without_chance
+from retrue.recalibration.copies import shifted_copy
 from retrue.recalibration.doubtful_planes import planes_between
 from retrue.recalibration.fit import Support, evaluate
 from retrue.recalibration.judge import judge
 from retrue.recalibration.lens import stated_prior
 from retrue.recalibration.options import RecalibrateOptions
-from retrue.recalibration.parts import homography_residuals, noise_of_planes, shifted_copy, unexplained
+from retrue.recalibration.parts import homography_residuals, noise_of_planes, unexplained
 from retrue.recalibration.posterior import Prior, posterior_at
 from retrue.recalibration.rays import rays_of_captures
 from retrue.recalibration.recalibrate import recalibrate

@@ -15,6 +15,7 @@ from retrue.geometry.robust import biweight_level, gather_weights
 from retrue.geometry.two_view import TwoViewPose, planes_of_pose
 from retrue.recalibration.all_points import unless_grown
 from retrue.recalibration.candidates import MOST, twins_of_planes
+from retrue.recalibration.copies import copies_explained
 from retrue.recalibration.fit import squared_sigmas
 from retrue.recalibration.lens import LensPrior
 from retrue.recalibration.likelihood import with_misfit
@@ -23,7 +24,6 @@ from retrue.recalibration.parts import (
     ELSEWHERE,
     Part,
     agreeing,
-    copies_explained,
     most_unexplained,
     parts_apart,
     set_aside,

@@ -23,6 +23,7 @@ from retrue.recalibration.candidates import (
 )
 from retrue.recalibration.consensus import quieter_majorities
 from retrue.recalibration.contradiction import MOST_DEVIATIONS, differing_capture
+from retrue.recalibration.copies import shifted_copy
 from retrue.recalibration.curved_surfaces import curved_of, curved_rival
 from retrue.recalibration.doubtful_planes import (
     better_without_planes,
@@ -36,7 +37,7 @@ from retrue.recalibration.doubtful_planes import (
 from retrue.recalibration.fit import Support, own_pose
 from retrue.recalibration.hypotheses import hypotheses_of, without_parts
 from retrue.recalibration.lens import LENS_NAMES, LENS_PARAMETERS, stated_prior, wide_prior
-from retrue.recalibration.lens_evidence import LensEvidence, hidden_by_planes, lens_evidence
+from retrue.recalibration.lens_evidence import LensEvidence, held_instead, hidden_by_planes, lens_evidence
 from retrue.recalibration.measured import MISFIT_PX
 from retrue.recalibration.near_rivals import allowed_error, near_rivals, spread
 from retrue.recalibration.options import RecalibrateOptions
@@ -53,7 +54,6 @@ from retrue.recalibration.parts import (
     other_parts,
     parts_apart,
     set_aside,
-    shifted_copy,
     unexplained,
 )
 from retrue.recalibration.posterior import (
@@ -86,6 +86,7 @@ from retrue.recalibration.rivals import (
     nearest_points,
     plane_levels,
     ranked,
+    rivals_of,
     same_answer,
 )
 from retrue.recalibration.slow_errors import TakenUp, taken_up
@@ -191,6 +192,7 @@ def judge(rig: Rig, captures: Sequence[Correspondences], options: RecalibrateOpt
         asked += [*(one.better() for one in majorities), *(rival.posterior for rival in rivals)]
         asides = other_parts(asked, rng)
         hypotheses += without_parts(hypotheses, best, asides, homographies, tight, alone=len(captures) == 1)
+        compared = posteriors
         if asides or len(hypotheses) > len(posteriors):
             compared = [one.better(asides) for one in hypotheses]
             posteriors = compared[: len(posteriors)]
@@ -201,6 +203,10 @@ def judge(rig: Rig, captures: Sequence[Correspondences], options: RecalibrateOpt
                 best, rivals = ranked(compared, measured, few, light, old, asides, rng)
         part = most_unexplained(asides, best)
         lens = lens_evidence(measured, homographies, best, part, tight, wide, old)
+        if (held := held_instead(lens, compared, asides)) is not None:
+            lens = replace(lens, verdict="unchecked")
+            if held is not best:
+                best, rivals = held, rivals_of(held, compared, measured, few, light, old, asides, rng)
         undecided = [best, *(rival.posterior for rival in rivals if rival.margin < 0)]  # each beats another in turn
         curved = np.all([curved_planes(fit) for fit in undecided], axis=0)
         if not curved.any():

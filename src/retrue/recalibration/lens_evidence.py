@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from typing import Literal
@@ -15,12 +16,22 @@ from retrue.geometry.two_view import POSE_PARAMETERS, TwoViewPose
 from retrue.recalibration.bows import BOWS, bow_shapes
 from retrue.recalibration.candidates import behind, same_pose
 from retrue.recalibration.chance import beyond_chance
+from retrue.recalibration.copies import shifted_copies
 from retrue.recalibration.hypotheses import drawn_in
 from retrue.recalibration.lens import FOCAL, LENS_PARAMETERS, LensPrior, scaled_starts
 from retrue.recalibration.measured import MISFIT_PX
-from retrue.recalibration.parts import LOUD, Part, shifted_copies, unexplained
+from retrue.recalibration.parts import LOUD, Part, unexplained
 from retrue.recalibration.posterior import Measured, Parameters, Posterior, Prior, fit_posterior, posterior_at
-from retrue.recalibration.rivals import SELDOM, UNEXPLAINED, least, move_deg, move_nats, plane_levels, price_of
+from retrue.recalibration.rivals import (
+    SELDOM,
+    UNEXPLAINED,
+    least,
+    move_deg,
+    move_nats,
+    plane_levels,
+    price_of,
+    total_costs,
+)
 from retrue.recalibration.shifted_codes import shifted_codes
 
 KNOWN_FOCAL = 0.01
@@ -110,6 +121,21 @@ def lens_evidence(
     asked = left @ pull  # lenses that stay are off by what the points ask for, too
     kept = left + np.outer(asked, asked)
     return LensEvidence(verdict, change, sigma, gain, prior, kept, posterior, others)
+
+
+def held_instead(lens: LensEvidence, fits: Sequence[Posterior], asides: Sequence[Part]) -> Posterior | None:
+    """Of all explanations through the rig's own lenses, the one that beats changed lenses; None where none does.
+
+    Where codes are wrong, the pose that explains most of them leads to other lenses, and a quieter one of fewer, which
+    has the others as copies, costs less than both.
+    """
+    if lens.verdict != "changed" or lens.posterior is None:
+        return None
+    misfit = lens.posterior.measured.misfit
+    seen = [posterior_at(replace(fit.measured, misfit=misfit), fit.parameters, fit.prior) for fit in fits]
+    changed, *held = total_costs([lens.posterior, *seen], asides)
+    least_held = int(np.argmin(held))
+    return fits[least_held] if held[least_held] < changed else None
 
 
 def untold_misfit(measured: Measured) -> float:

@@ -274,7 +274,7 @@ class Posterior:
     @cached_property
     def parts(self) -> list[Part]:
         """Copies of planes that it explains, and planes that it does not: each has its own explanation."""
-        from retrue.recalibration.parts import parts_of
+        from retrue.recalibration.copies import parts_of
 
         return parts_of(self)
 

@@ -220,7 +220,7 @@ def ranked(
     """
     best, beaten = least(posteriors, asides), list[tuple[float, Posterior, tuple[Rival, ...]]]()
     while True:
-        rivals = _rivals(best, posteriors, measured, few, light, old, asides, rng)
+        rivals = rivals_of(best, posteriors, measured, few, light, old, asides, rng)
         strongest = min(rivals, key=lambda rival: rival.margin, default=None)
         if strongest is None or not strongest.margin < 0:
             return best, rivals
@@ -233,7 +233,7 @@ def ranked(
             return max(beaten, key=lambda one: one[0])[1:]
 
 
-def _rivals(
+def rivals_of(
     best: Posterior,
     posteriors: list[Posterior],
     measured: Measured,
@@ -243,6 +243,7 @@ def _rivals(
     asides: Sequence[Part],
     rng: np.random.Generator,
 ) -> tuple[Rival, ...]:
+    """The strongest at each pose, the best one's twins among them."""
     others = [("another pose", fit, fit.eased) for fit in posteriors if not same_answer(best, fit.pose)]
     # One that eases into the best is that, and stands as it is.
     others = [(name, fit, fit if same_answer(best, eased.pose) else eased) for name, fit, eased in others]
@@ -250,8 +251,9 @@ def _rivals(
         if not (same_answer(best, twin) or any(same_pose(twin, fit.pose) for _, fit, _ in others)):
             fit = posterior_at(measured, replace(best.parameters, pose=twin), best.prior)
             others.append(("the twin", fit, fit))
+    moved = move_nats(move_deg(best.pose, old))
     found = [
-        Rival(name, fit, _point_evidence(best, fit, eased, asides), 0.0, _moved(fit, old) - _moved(best, old))
+        Rival(name, fit, _point_evidence(best, fit, eased, asides), 0.0, move_nats(move_deg(fit.pose, old)) - moved)
         for name, fit, eased in others
     ]
     near = [index for index, rival in enumerate(found) if rival.margin < LIGHT_MATTERS]
@@ -344,10 +346,6 @@ def move_deg(pose: TwoViewPose, old: TwoViewPose) -> float:
 def move_nats(degrees: float) -> float:
     """-log prior of a move: moves of any size alike, so that its density falls with the fifth power of the size."""
     return 5 * float(np.log(max(degrees, NEAREST_DEG)))
-
-
-def _moved(posterior: Posterior, old: TwoViewPose) -> float:
-    return move_nats(move_deg(posterior.pose, old))
 
 
 def plane_levels(measured: Measured) -> list[float]:
