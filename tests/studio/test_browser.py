@@ -291,12 +291,13 @@ def test_a_fleet_is_seen_from_what_its_watch_has_left(browser: Any, tmp_path: Pa
 
 
 def test_nobody_gets_in_without_the_token_and_a_port_in_use_is_one_sentence(tmp_path: Path):
-    server = Server(tmp_path)
+    shown = ["--fleet", str(tmp_path)]  # no rig, which would decode all the while
+    server = Server(tmp_path, shown)
     try:
         address = f"http://127.0.0.1:{server.port}/"
         for headers, status in (({}, 401), ({"Host": "evil.example"}, 403), ({"Origin": "http://evil.example"}, 403)):
             assert answered(address, headers) == status
-        words = ["studio", "--simulated", "--folder", str(tmp_path), "--port", str(server.port)]
+        words = ["studio", *shown, "--port", str(server.port)]
         command = [sys.executable, "-c", CODE, *words]
         done = subprocess.run(command, capture_output=True, text=True, check=False, env=ENVIRONMENT)
         assert done.returncode == 2
