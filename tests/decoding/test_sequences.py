@@ -328,22 +328,20 @@ def test_noise_of_bits_without_inverses_white_and_black_is_measured():
 
 @pytest.mark.parametrize("layout", ["3dunderworld", "procam-calibration"])
 @pytest.mark.parametrize("pair", [0, 4, 6, 9])
-def test_a_pair_that_is_missing_is_not_taken_for_white_and_black(layout, pair):
+def test_a_pair_that_is_missing_is_not_taken_for_white_and_black(pictures, layout, pair):
     pattern = layout_sequence(layout, GRAY_SIZE)
-    *pairs, white, black = shoot(GrayCode(GRAY_SIZE)).pictures
+    *pairs, white, black = pictures
     del pairs[2 * pair : 2 * pair + 2]
     kept = [*pairs, white, black] if pattern.frames[0].code == "gray" else [white, black, *pairs]
     with pytest.raises(CaptureError, match=r"expected \d+ pictures .* as many as without white and black; read so"):
         decode(pattern, kept)
 
 
-def test_all_patterns_may_come_before_all_inverses():
-    pattern = GrayCode(GRAY_SIZE)
-    shot = shoot(pattern)
-    *pairs, white, black = shot.pictures
-    points = decode(pattern, [*pairs[::2], *pairs[1::2], white, black])
+def test_all_patterns_may_come_before_all_inverses(plain_shot, pictures):
+    *pairs, white, black = pictures
+    points = decode(GrayCode(GRAY_SIZE), [*pairs[::2], *pairs[1::2], white, black])
     assert points.card.advice[0] == "read all the same: all inverses come last"
-    assert np.sqrt(np.mean(errors(shot, points) ** 2)) < 0.03
+    assert np.sqrt(np.mean(errors(plain_shot, points) ** 2)) < 0.03
 
 
 @pytest.mark.parametrize(("blur_px", "within"), [(0.5, 0.04), (0.65, 0.04), (0.8, 0.06)])

@@ -25,20 +25,23 @@ def strings() -> Iterator[str]:
                 yield node.value
 
 
-SAID = list(strings())
+@pytest.fixture(scope="module")
+def said_strings() -> list[str]:
+    return list(strings())
 
 
-def says(said: str, message: str) -> bool:
+def is_said(message: str, said: list[str]) -> bool:
     """Whether the message, its gaps written `...`, is part of what is said."""
     parts = [re.escape(part.strip()) for part in message.split("...") if part.strip()]
-    return re.search(r"\s?.*\s?".join(parts), said, re.DOTALL) is not None
+    pattern = re.compile(r"\s?.*\s?".join(parts), re.DOTALL)
+    return any(pattern.search(text) for text in said)
 
 
 @pytest.mark.parametrize("guide", GUIDES, ids=lambda page: page.stem)
-def test_messages_are_quoted_as_they_are(guide) -> None:
+def test_messages_are_quoted_as_they_are(guide, said_strings) -> None:
     messages = QUOTED.findall(FENCE.sub("", guide.read_text(encoding="utf-8")))
     assert len(messages) > 10
-    unknown = [message for message in messages if not any(says(said, message) for said in SAID)]
+    unknown = [message for message in messages if not is_said(message, said_strings)]
     assert not unknown
 
 

@@ -121,11 +121,11 @@ def test_the_board_alone_needs_the_prior_or_the_light(rig: retrue.Rig, captures:
 def test_verify_says_good_and_finds_half_a_degree_about_any_axis(
     rig: retrue.Rig, captures: list[retrue.Correspondences]
 ) -> None:
-    rng = np.random.default_rng(6)
-    for capture in captures:
+    axes = np.concatenate([np.eye(3), np.random.default_rng(6).normal(size=(3, 3))])
+    for number, capture in enumerate(captures):
         found = retrue.verify(rig, [capture])
         assert found.verdict == "good", found.reason
-        for axis in np.concatenate([np.eye(3), rng.normal(size=(3, 3))]):
+        for axis in axes[number::3]:  # each capture is asked of two: of all it takes three times as long
             off = turned(rig, np.radians(0.5) * axis / np.linalg.norm(axis), np.zeros(3), 1.0)
             assert retrue.verify(off, [capture]).verdict == "drifted", axis
 

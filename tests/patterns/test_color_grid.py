@@ -7,6 +7,7 @@ import pytest
 
 from retrue.errors import InputError
 from retrue.patterns.color_grid import PAPER_COLORS, ColorGrid, make_color_grid
+from retrue.patterns.color_grid_code import make_code
 
 
 def windows_in_four_rotations(grid: ColorGrid) -> np.ndarray:
@@ -66,7 +67,9 @@ def test_white_touches_no_white():
 
 
 def test_the_same_seed_gives_the_same_grid():
-    assert make_color_grid(seed=3) == make_color_grid(seed=3)
+    first = make_color_grid(seed=3)
+    make_code.cache_clear()
+    assert make_color_grid(seed=3) == first
     assert make_color_grid(seed=3).code != make_color_grid(seed=4).code
 
 

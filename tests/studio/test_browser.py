@@ -119,8 +119,8 @@ def press(page: Any, button: str, answer: str) -> None:
     expect(page.get_by_role("status")).to_contain_text(re.compile(answer), timeout=PATIENCE)
 
 
-def photograph(page: Any, folder: Path, name: str) -> None:
-    """The screen, wide and narrow, light and dark; nothing hangs over its edge."""
+def require_fitting(page: Any, name: str) -> None:
+    """Wide and narrow, light and dark, nothing hangs over the screen's edge."""
     for width, height in SCREENS:
         page.set_viewport_size({"width": width, "height": height})
         for scheme in ("light", "dark"):
@@ -128,8 +128,7 @@ def photograph(page: Any, folder: Path, name: str) -> None:
             page.wait_for_function(
                 "scheme => document.body.classList.contains('body--dark') === (scheme === 'dark')", arg=scheme
             )
-            page.screenshot(path=folder / f"{name}-{width}-{scheme}.png", full_page=True)
-        assert page.evaluate("document.documentElement.scrollWidth <= innerWidth"), (name, width)
+            assert page.evaluate("document.documentElement.scrollWidth <= innerWidth"), (name, width, scheme)
     page.set_viewport_size({"width": 1280, "height": 900})
 
 
@@ -150,7 +149,7 @@ def test_from_an_empty_folder_to_a_rig_that_is_calibrated_bumped_and_mended(brow
     from playwright.sync_api import expect
 
     complaints = list[str]()
-    folder, pictures = tmp_path / "studio", tmp_path / "screens"
+    folder = tmp_path / "studio"
     server = Server(folder)
     try:
         page = opened(browser, server.address, complaints, viewport={"width": 1280, "height": 900})
@@ -160,7 +159,7 @@ def test_from_an_empty_folder_to_a_rig_that_is_calibrated_bumped_and_mended(brow
         expect(page.get_by_role("status")).to_have_text("there is no rig yet: calibrate it")
         for name in ("Check", "Keep", "Undo", "Scan"):
             expect(page.get_by_role("button", name=name, exact=True)).to_be_disabled()
-        photograph(page, pictures, "1-empty")
+        require_fitting(page, "1-empty")
 
         page.get_by_role("button", name="Calibrate", exact=True).click()
         expect(page.get_by_text(re.compile("[3-8] of 8 poses"))).to_be_visible(timeout=PATIENCE)
@@ -173,18 +172,18 @@ def test_from_an_empty_folder_to_a_rig_that_is_calibrated_bumped_and_mended(brow
         page = opened(browser, server.address, complaints, viewport={"width": 1280, "height": 900})
         page.get_by_role("button", name="Calibrate", exact=True).click()
         expect(page.locator("polygon.wish")).to_be_attached(timeout=PATIENCE)
-        photograph(page, pictures, "2-calibrating")
+        require_fitting(page, "2-calibrating")
         expect(page.get_by_text(re.compile("^calibrated: "))).to_be_visible(timeout=2 * PATIENCE)
         expect(page.get_by_text("8 of 8 poses")).to_be_visible()
         assert {path.name for path in (folder / "calibration").glob("pose-*")} > set(taken)
-        photograph(page, pictures, "3-calibrated")
+        require_fitting(page, "3-calibrated")
         press(page, "Keep", "^kept as entry 1 ")
         calibrated = retrue.read_rig(folder / "rig.json")
         require_accurate(folder)
 
         press(page, "Scan", "points written to scan-")
         expect(page.get_by_text(re.compile(r"^good: \d+ blocks are seen"))).to_be_visible()  # no board is held any more
-        photograph(page, pictures, "4-scanned")
+        require_fitting(page, "4-scanned")
         page.get_by_role("switch", name="Watch").click()
         expect(page.get_by_role("img", name=re.compile("drift over time, [1-9]"))).to_be_visible(timeout=PATIENCE)
         press(page, "Check", "^good: ")
@@ -193,7 +192,7 @@ def test_from_an_empty_folder_to_a_rig_that_is_calibrated_bumped_and_mended(brow
             re.compile(r"^drifted: points are \d+ mm off at \d+ mm .*; press Check"), timeout=PATIENCE
         )
         expect(page.get_by_role("status")).to_have_class(re.compile("text-orange"))
-        photograph(page, pictures, "5-watched")
+        require_fitting(page, "5-watched")
         page.get_by_role("switch", name="Watch").click()
         expect(page.get_by_role("status")).to_contain_text("not watched any more", timeout=PATIENCE)
         other = opened(browser, server.address, complaints, viewport={"width": 390, "height": 844}, color_scheme="dark")
@@ -206,7 +205,7 @@ def test_from_an_empty_folder_to_a_rig_that_is_calibrated_bumped_and_mended(brow
         canvas = space.locator("canvas").bounding_box()
         assert canvas is not None
         assert min(canvas["width"], canvas["height"]) > 200
-        photograph(page, pictures, "6-drifted")
+        require_fitting(page, "6-drifted")
         assert retrue.read_rig(folder / "rig.json") == calibrated  # nothing is written before it is kept
         press(page, "Keep", "^kept as entry 2 ")
         require_accurate(folder)
@@ -279,7 +278,6 @@ def test_a_fleet_is_seen_from_what_its_watch_has_left(browser: Any, tmp_path: Pa
         expect(page.get_by_role("img").first).to_have_attribute("aria-label", said)
         for width, height in SCREENS:
             page.set_viewport_size({"width": width, "height": height})
-            page.screenshot(path=tmp_path / f"fleet-{width}.png")
             assert page.evaluate("document.documentElement.scrollWidth <= innerWidth"), width
         assert not complaints
         assert answered(f"http://127.0.0.1:{server.port}/fleet", {}) == 401
@@ -293,12 +291,13 @@ def test_a_fleet_is_seen_from_what_its_watch_has_left(browser: Any, tmp_path: Pa
 
 
 def test_nobody_gets_in_without_the_token_and_a_port_in_use_is_one_sentence(tmp_path: Path):
-    server = Server(tmp_path)
+    shown = ["--fleet", str(tmp_path)]  # no rig, which would decode all the while
+    server = Server(tmp_path, shown)
     try:
         address = f"http://127.0.0.1:{server.port}/"
         for headers, status in (({}, 401), ({"Host": "evil.example"}, 403), ({"Origin": "http://evil.example"}, 403)):
             assert answered(address, headers) == status
-        words = ["studio", "--simulated", "--folder", str(tmp_path), "--port", str(server.port)]
+        words = ["studio", *shown, "--port", str(server.port)]
         command = [sys.executable, "-c", CODE, *words]
         done = subprocess.run(command, capture_output=True, text=True, check=False, env=ENVIRONMENT)
         assert done.returncode == 2

@@ -112,13 +112,12 @@ def _thinned(points: FloatArray, cell: float) -> FloatArray:
 
 def _normals(points: FloatArray, reach: float) -> FloatArray:
     """Unit normals towards the camera; NaN where fewer than six neighbours tell."""
-    tree = _tree(points)
-    near = tree.query_ball_point(points, reach)
-    counts = np.array([len(rows) for rows in near])
-    if not len(counts):
+    if not len(points):
         return np.empty((0, 3))
-    owner = np.repeat(np.arange(len(points)), counts)
-    neighbour = np.concatenate([np.asarray(rows, np.int64) for rows in near])
+    one, other = _tree(points).query_pairs(reach, output_type="ndarray").T
+    each = np.arange(len(points))
+    owner, neighbour = np.concatenate([one, other, each]), np.concatenate([other, one, each])
+    counts = np.bincount(owner)
     mean = np.stack([np.bincount(owner, points[neighbour, axis]) / counts for axis in range(3)], axis=1)
     away = points[neighbour] - mean[owner]
     moments = np.empty((len(points), 3, 3))

@@ -63,10 +63,12 @@ def charuco_corners(grey: Image, board: Board) -> tuple[IntArray, FloatArray] | 
     return best if best is not None and len(best[0]) >= FEWEST_CORNERS else None
 
 
-def find_markers(grey: Image, dictionary: str) -> Markers:
-    """Of that dictionary; their corners as they are found, to a pixel or so."""
-    detector = aruco.ArucoDetector(_dictionary(dictionary))
-    corners, ids, _ = detector.detectMarkers(grey)
+def find_markers(grey: Image, dictionary: str, first: int | None = None) -> Markers:
+    """Of that dictionary, or its `first` markers; their corners as they are found, to a pixel or so."""
+    known = _dictionary(dictionary)
+    if first is not None:
+        known = aruco.Dictionary(known.bytesList[:first], known.markerSize, known.maxCorrectionBits)
+    corners, ids, _ = aruco.ArucoDetector(known).detectMarkers(grey)
     if ids is None or len(ids) == 0:
         return Markers(np.empty((0, 4, 2)), np.empty(0, dtype=np.int64))
     return Markers(np.array(corners, dtype=np.float64).reshape(-1, 4, 2), np.asarray(ids, dtype=np.int64).ravel())
@@ -84,11 +86,11 @@ def markers_seen(grey: Image, board: Board) -> str:
     asked = [(name, way) for way in pictures for name in names]
 
     @cache
-    def ids_of(name: str, way: str) -> list[int]:
-        return _in_line(find_markers(pictures[way], name).ids)
+    def ids_of(name: str, way: str, first: int | None = None) -> list[int]:
+        return _in_line(find_markers(pictures[way], name, first).ids)
 
     # A family's first 50 markers, which most boards have, tell it in a twentieth of the time that all 1000 take.
-    likely = [(name, way) for name, way in asked if len(ids_of(name.replace("_1000", "_50"), way)) >= MANY_SEEN]
+    likely = [(name, way) for name, way in asked if len(ids_of(name.replace("_1000", "_50"), way, 50)) >= MANY_SEEN]
     found = {key: ids_of(*key) for key in likely or asked}
     name, way = max(found, key=lambda key: (len(found[key]), key == (own, "")))  # the board's own where others tie
     ids = found[name, way]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import lru_cache
 from math import comb
 
 import numpy as np
@@ -15,6 +16,7 @@ HOPELESS = 2.0  # expected clashes of a random window with all others: above, no
 PATIENCE = 5_000  # dead ends of the search before a smaller distance is tried
 
 
+@lru_cache(maxsize=16)  # nobody changes it, and it takes as long as decoding a picture
 def make_code(rows: int, columns: int, colors: int, seed: int, lonely: int | None = None) -> tuple[IntArray, int]:
     """Code (rows, columns) of colour indices, and the least distance of its windows: the largest that can be had.
 
