@@ -16,7 +16,7 @@ HOPELESS = 2.0  # expected clashes of a random window with all others: above, no
 PATIENCE = 5_000  # dead ends of the search before a smaller distance is tried
 
 
-@lru_cache(maxsize=16)  # nobody changes it, and it takes as long as decoding a picture
+@lru_cache(maxsize=16)  # it takes as long as decoding a picture
 def make_code(rows: int, columns: int, colors: int, seed: int, lonely: int | None = None) -> tuple[IntArray, int]:
     """Code (rows, columns) of colour indices, and the least distance of its windows: the largest that can be had.
 
@@ -28,6 +28,7 @@ def make_code(rows: int, columns: int, colors: int, seed: int, lonely: int | Non
         if windows * ball < HOPELESS * colors**CELLS:
             code = _Search(rows, columns, colors, distance, lonely, seed).run()
             if code is not None:
+                code.flags.writeable = False
                 return code, distance
     raise InputError(
         f"color grid: expected {rows} x {columns} blocks to have unique windows, "
