@@ -1,5 +1,6 @@
-"""No test runs on machine code of a kernel that has been edited since."""
+"""No test runs on machine code of a kernel that has been edited since, nor deaf to Ctrl-C."""
 
+import signal
 from hashlib import sha256
 from importlib import import_module
 
@@ -10,6 +11,9 @@ from tests.kernels.plain import SOURCES
 
 settings.register_profile("untimed", deadline=None)  # how long a test takes is the machine's affair
 settings.load_profile("untimed")
+
+if signal.getsignal(signal.SIGINT) == signal.SIG_IGN:  # as shells start what runs behind: commands would inherit it
+    signal.signal(signal.SIGINT, signal.default_int_handler)
 
 
 def pytest_sessionstart() -> None:
