@@ -150,6 +150,7 @@ def find_edges(
     spacing: cython.const[cython.float][:, ::1],
     bias: cython.const[cython.float][:, :, ::1],
     per_stripe: cython.float,
+    blur: tuple[cython.float, cython.float],
     place: cython.int[::1],
     seen: cython.float[:, ::1],
 ) -> int:
@@ -159,12 +160,17 @@ def find_edges(
     where contrast is steady between them and beside them. With margins as `add_bit` has them, each relative to its own
     pixel's contrast, they balance at a share f, and the edge is at f - (c + c' (1 - 2 f)^2) f (1 - f) (1 - 2 f). c and
     c' are of `bias` (3, S, 2), the first where bit 0 changes, the second where bit 1 does, else the third, at
-    `per_stripe` times the `spacing` there, in stripes a pixel. The weight is 1 / (1 + (noise / (`share` of both))^2).
+    `per_stripe` times the `spacing` there, in stripes a pixel. Where contrast C changes, a pixel sees more of its
+    brighter side, on average what lies s^2 C' / C beside it, s^2 the variance of the camera's blur: by so much the edge
+    is moved. The weight is 1 / (1 + (noise / (`share` of both))^2 + (d C' / (C `share`))^2), d the doubt of s^2; `blur`
+    is s^2 and d. Source: M. Tweedie's formula for a Gaussian's mean, in Robbins, "An empirical Bayes approach to
+    statistics", 1956.
     """
     cython.declare(y=cython.Py_ssize_t, x=cython.Py_ssize_t, v=cython.Py_ssize_t, u=cython.Py_ssize_t)
     cython.declare(count=cython.Py_ssize_t, step=cython.int, a=cython.float, b=cython.float, s=cython.float)
     cython.declare(dy=cython.Py_ssize_t, dx=cython.Py_ssize_t, p=cython.Py_ssize_t, q=cython.Py_ssize_t)
     cython.declare(i=cython.Py_ssize_t, bit=cython.Py_ssize_t, behind=cython.int, c=cython.float)
+    cython.declare(slope=cython.float, slope_there=cython.float, off=cython.float)
     last: cython.Py_ssize_t = bias.shape[1] - 2
     height: cython.Py_ssize_t = code.shape[0]
     width: cython.Py_ssize_t = code.shape[1]
@@ -185,16 +191,20 @@ def find_edges(
                 p, q = max(y - dy, 0), max(x - dx, 0)
                 if not _steady(contrast[p, q], contrast[y, x], noise[p, q], steepest):
                     continue
+                slope = (contrast[v, u] - contrast[p, q]) / (contrast[v, u] + contrast[p, q] + TINY)
                 p, q = min(v + dy, height - 1), min(u + dx, width - 1)
                 if not _steady(contrast[v, u], contrast[p, q], noise[v, u], steepest):
                     continue
+                slope_there = (contrast[p, q] - contrast[y, x]) / (contrast[p, q] + contrast[y, x] + TINY)
                 a, b = near[y, x], far[y, x]
                 s = (a + b) * share
-                s = s * s
+                off = noise[y, x] / (s + TINY)
                 place[count] = cython.cast(cython.int, (y - start) * width + x)
-                seen[0, count] = s / (s + noise[y, x] * noise[y, x])
                 a, b = a * contrast[v, u], b * contrast[y, x]
                 a = a / (a + b + TINY)
+                slope = slope + (slope_there - slope) * a
+                c = blur[1] * slope / share
+                seen[0, count] = one / (one + off * off + c * c)
                 behind = max(code[y, x], code[v, u])
                 bit = 0 if behind & 1 else (1 if behind & 2 else 2)
                 s = min(spacing[y, x] * per_stripe, cython.cast(cython.float, last + 1))
@@ -202,7 +212,7 @@ def find_edges(
                 s, b = s - i, one - a - a
                 c = bias[bit, i, 0] + s * (bias[bit, i + 1, 0] - bias[bit, i, 0])
                 c = c + (bias[bit, i, 1] + s * (bias[bit, i + 1, 1] - bias[bit, i, 1])) * b * b
-                seen[1, count] = a - c * (a * (one - a) * b)
+                seen[1, count] = a - c * (a * (one - a) * b) + blur[0] * slope
                 seen[2, count] = (code[y, x] + code[v, u]) * cython.cast(cython.float, 0.5)
                 count += 1
     return count
