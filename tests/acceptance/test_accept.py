@@ -173,6 +173,15 @@ def test_what_is_too_small_too_thin_or_not_there_is_refused(bar):
     assert accept([noise.select(np.arange(2))], parse_artefact("plane")).verdict == "refused"
 
 
+def test_points_too_far_apart_to_show_a_ball_are_told_from_a_ball_that_is_not_there(bar):
+    """ "Is it in view?" sends people to look for what lies before their eyes."""
+    cloud = measured(RIG, bar)
+    thin = cloud.select(np.arange(0, len(cloud), 150))
+    assert "as far apart as they are; take it nearer, or a denser pattern" in accept([thin], BAR).reason
+    assert "is it in view" in accept([cloud], parse_artefact("spheres:45mm:200mm")).reason
+    assert "is it in view" in accept([cloud.select(cloud.points[:, 2] > 750)], BAR).reason
+
+
 def test_a_position_without_the_artefact_leaves_the_test_undecided(bar):
     cloud = measured(RIG, bar)
     empty = cloud.select(cloud.points[:, 2] > 750)

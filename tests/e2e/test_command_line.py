@@ -284,3 +284,8 @@ def test_reconstruct_refuses_a_capture_that_contradicts_the_rig(retrue, files):
     assert retrue("reconstruct", files.before, files.points, "--out", cloud, "--anyway").status == 0
     assert cloud.exists()
     assert retrue("reconstruct", files.rig, files.points, "--out", cloud, "--json").json["verdict"] == "good"
+
+
+def test_the_package_runs_as_a_module():
+    done = subprocess.run([sys.executable, "-m", "retrue", "--version"], capture_output=True, text=True, check=False)
+    assert (done.returncode, done.stdout.split()[0], done.stderr) == (0, "retrue", "")

@@ -57,7 +57,7 @@ def test_an_edge_is_where_the_margins_balance() -> None:
     def found(first: int) -> int:
         code = np.array([[first, first, first + 1, first + 1, first + 3]], np.int16)
         good = np.ones((1, 5), np.uint8)
-        how = 0.05, 0.3, spacing, bias, 2.0
+        how = 0.05, 0.3, spacing, bias, 2.0, (0.0, 0.0)
         return stripes.find_edges(code, near, far, contrast, noise, good, (0, 1), 1, *how, place, seen)
 
     assert (found(4), place[0]) == (1, 1)

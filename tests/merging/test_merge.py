@@ -139,3 +139,52 @@ def test_a_whole_object_is_no_view(turn, merged):
 def test_cells_finer_than_the_points_are_refused(turn):
     with pytest.raises(InputError, match="cell: expected half of the points' distance or more"):
         merge(turn[0][:2], MergeOptions(cell=1e-6))
+
+
+def test_what_stands_still_before_the_camera_ties_no_views(turn):
+    """A wall behind a turntable has most of the points, and is the same in all views: they lay on it, as unturned."""
+    clouds, poses = turn
+    random = np.random.default_rng(5)
+    before = [with_wall(cloud, random) for cloud in clouds]
+    found = merge(before)
+    assert isinstance(found, Merged)
+    assert len(found.poses) == 12
+    assert found.standing == pytest.approx(
+        sum(len(b) - len(a) for a, b in zip(clouds, before, strict=True)) / sum(map(len, before)), abs=0.005
+    )
+    assert "without what stood still before the camera" in found.reason
+    true = {view: poses[0] @ pose.inverse() for view, pose in enumerate(poses)}
+    assert raw_rms(clouds, poses, found.poses) < 1.02 * raw_rms(clouds, poses, true)
+    kept = merge(before, MergeOptions(keep_standing=True))
+    assert kept.standing == 0
+    assert raw_rms(clouds, poses, kept.poses) > 10 * raw_rms(clouds, poses, true)  # the wall's word
+
+
+def with_wall(cloud, random, count=40_000):
+    """A leaning wall behind it, of which the camera sees what is not behind the object."""
+    rays = random.uniform(-0.5, 0.5, (count, 2))
+    points = np.column_stack([rays, np.ones(count)]) * (600 / (1 - 0.2 * rays[:, :1] + 0.05 * rays[:, 1:]))
+    points *= 1 + NOISE / 600 * random.normal(size=(count, 1))
+    reach = 1.1 * np.quantile(np.linalg.norm(cloud.points[:, :2] / cloud.points[:, 2:], axis=1), 0.99)
+    points = points[np.linalg.norm(rays, axis=1) > reach]
+    grey = np.full((len(points), 3), 99, np.uint8)
+    every = np.concatenate([cloud.points, points])
+    return Cloud(every, np.concatenate([cloud.colors, grey]), np.full((len(every), 2), np.nan), cloud.unit)
+
+
+def test_views_at_rest_are_merged_whole(turn):
+    """Nothing turned, so that all stands: copies of one view are no background."""
+    _, poses = turn
+    random = np.random.default_rng(6)
+    again = [seen(poses[0], random, NOISE) for _ in range(3)]
+    found = merge(again)
+    assert (len(found.poses), found.standing) == (3, 0)
+
+
+def test_a_mesh_has_cells_that_memory_allows(turn, merged, monkeypatch):
+    fine = len(merged.mesh().faces)
+    monkeypatch.setattr("retrue.merging.surface.MOST_NODES", 100_000)
+    coarse = len(merged.mesh().faces)
+    assert 1000 < coarse < 0.7 * fine
+    with pytest.raises(DegenerateError, match="take larger ones"):
+        merged.mesh(0.5)

@@ -68,6 +68,25 @@ def test_a_mesh_of_too_many_faces_is_shown_as_points(monkeypatch):
     assert (layer["faces"], layer["of"]) == (None, "30, as points: 10 faces are too many")
 
 
+def test_a_sparse_grid_is_drawn_as_the_surface_that_it_shows(monkeypatch):
+    """Blocks of a colour grid far apart would look like confetti; what was set aside is on no surface."""
+    row, column = np.mgrid[:12, :20].reshape(2, -1)
+    points = np.column_stack([10.0 * column, 10.0 * row, np.full(240, 900.0)])
+    cells = np.column_stack([row, column])
+    colors, step = np.full((240, 3), 9, np.uint8), np.linspace(0.1, 1, 240)
+    cloud = Cloud(points, colors, points[:, :2], "mm", cells, sigma=step)
+    (layer,) = spec_of(space_html([Layer("points", cloud)]))["layers"]
+    faces = unpacked(layer["faces"], "<u4").reshape(-1, 3)
+    assert len(faces) == 2 * 11 * 19
+    places = unpacked(layer["place"], "<u2").reshape(-1, 3) / 65535 * layer["extent"] + layer["low"]
+    assert np.abs(np.diff(places[faces], axis=1)).max() < 10.1  # between neighbours, so in the order of the points
+    assert np.ptp(unpacked(layer["known"], "u1")[::2]) > 200  # and coloured by sigma where that is asked
+    assert layer["dots"]
+    assert spec_of(space_html([Layer("set aside", cloud, aside=True)]))["layers"][0]["faces"] is None
+    monkeypatch.setattr("retrue.report.space.SPARSE", 239)
+    assert spec_of(space_html([Layer("points", cloud)]))["layers"][0]["faces"] is None
+
+
 def test_all_that_is_to_be_seen_at_first_is_named():
     far = Line("far", np.array([[0.0, 0, 0], [0, 0, 5000]]), (1, 1, 1))
     layers = [Layer("points", plane())]

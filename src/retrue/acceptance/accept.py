@@ -11,7 +11,7 @@ import numpy as np
 from retrue.acceptance.artefact import Artefact
 from retrue.acceptance.fits import Element, fit_plane, fit_sphere
 from retrue.acceptance.options import AcceptOptions
-from retrue.acceptance.search import find_balls, find_plane
+from retrue.acceptance.search import dense_distance, find_balls, find_plane
 from retrue.answers import Reason
 from retrue.errors import InputError, require_kind, require_kinds, require_names
 from retrue.geometry.arrays import FloatArray, IntArray
@@ -126,11 +126,20 @@ class Acceptance(ByValue, ShortRepr):
 
 @dataclass(frozen=True, slots=True)
 class ArtefactNotFound(Reason):
-    """Nothing of its shape and size is in the cloud."""
+    """Nothing of its shape and size is in the cloud.
+
+    Attributes
+    ----------
+    points : that a ball would have, as far apart as they are; None where these are enough to find one by.
+    """
 
     artefact: str
+    points: int | None = None
 
     def __str__(self) -> str:
+        if self.points is not None:
+            few = f"only some {self.points} points would lie on a ball, as far apart as they are"
+            return f"found no {self.artefact} in the cloud: {few}; take it nearer, or a denser pattern"
         return f"found no {self.artefact} in the cloud: is it in view, dull and white, with no hand before it?"
 
 
@@ -270,7 +279,7 @@ def _too_small(artefact: Artefact, options: AcceptOptions) -> Reason | None:
 def _measured_ball(name: str, cloud: Cloud, artefact: Artefact, options: AcceptOptions) -> Position:
     balls = _balls(cloud, artefact, options)
     if not balls:
-        return _refused(name, ArtefactNotFound(str(artefact)))
+        return _refused(name, _not_found(cloud, artefact, options))
     _, rows = balls[0]
     fitted = _fitted_ball(cloud, rows, artefact, options)
     if isinstance(fitted, Reason):
@@ -289,7 +298,7 @@ def _measured_bar(name: str, cloud: Cloud, artefact: Artefact, options: AcceptOp
         if abs(np.linalg.norm(first[0] - second[0]) / artefact.distance.value - 1) < NEAR_LENGTH
     ]
     if not pairs:
-        return _refused(name, ArtefactNotFound(str(artefact)))
+        return _refused(name, _not_found(cloud, artefact, options))
     pair = sorted(max(pairs, key=lambda pair: len(pair[0][1]) + len(pair[1][1])), key=lambda ball: float(ball[0][0]))
     fitted = [_fitted_ball(cloud, rows, artefact, options) for _, rows in pair]
     elements = [element for element in fitted if isinstance(element, Element)]
@@ -311,6 +320,13 @@ def _measured_bar(name: str, cloud: Cloud, artefact: Artefact, options: AcceptOp
     residuals = np.concatenate([element.residuals for element in elements])
     centre = (first.parameters[:3] + second.parameters[:3]) / 2
     return Position(name, (spacing, *balls_values), centre, cloud.camera_px[rows], residuals)
+
+
+def _not_found(cloud: Cloud, artefact: Artefact, options: AcceptOptions) -> ArtefactNotFound:
+    assert artefact.diameter is not None
+    cap = artefact.diameter.value / 2 * np.sin(np.radians(options.cap_deg))
+    points = int(np.pi * (cap / dense_distance(cloud.points)) ** 2)
+    return ArtefactNotFound(str(artefact), points if points < options.fewest_points / 2 else None)
 
 
 def _measured_plane(name: str, cloud: Cloud, artefact: Artefact, options: AcceptOptions) -> Position:

@@ -30,6 +30,7 @@ PLANES_ASKED = 300
 STEEPEST = np.cos(np.radians(20.0))  # between normals on a plane
 LINK = 2.5  # cells between parts of one plane
 SIDE_CELLS = 120  # of the cloud's size
+DENSE = 0.05  # quantile of distances between neighbours
 
 
 def find_balls(
@@ -94,6 +95,14 @@ def find_plane(points: FloatArray) -> IntArray:
     inside = _within(thin[part], cell, axes[:2])
     near, _ = _tree(thin[part][inside]).query(points, distance_upper_bound=cell) if inside.any() else (np.inf, None)
     return np.flatnonzero(np.isfinite(near) & (np.abs(points @ normal - distance) < FLAT * extent))
+
+
+def dense_distance(points: FloatArray) -> float:
+    """From a point to the nearest one, where they are nearly densest; never none."""
+    if len(points) < 2:
+        return np.inf
+    distance, _ = _tree(points).query(points, 2)
+    return max(float(np.quantile(distance[:, 1], DENSE)), 1e-9)
 
 
 def _tree(points: FloatArray) -> Any:

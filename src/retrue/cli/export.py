@@ -86,7 +86,7 @@ class Export(ReportingCommand):
         from retrue.files.exchange.photogrammetry import rig_views, write_colmap, write_nerfstudio
 
         write = write_colmap if self.to == "colmap" else write_nerfstudio
-        write(self.out, cloud, rig_views(rig, cloud, capture.photograph, self._shown(), self._depth(rig, cloud)))
+        write(self.out, cloud, rig_views(rig, cloud, capture.photograph, self._shown(), *self._depths(rig, cloud)))
 
     def _shown(self) -> Image | None:
         """What the projector showed, where that is one picture."""
@@ -97,14 +97,14 @@ class Export(ReportingCommand):
         pattern = None if self.pattern is None else read_pattern(self.pattern)
         return pattern.render() if isinstance(pattern, ColorGrid | LineGrid) else None
 
-    def _depth(self, rig: Rig, cloud: Cloud) -> FloatArray | None:
-        """Of the photograph's pixels; None for COLMAP, which has no place for it, and where there is no surface."""
+    def _depths(self, rig: Rig, cloud: Cloud) -> tuple[FloatArray | None, FloatArray | None]:
+        """On the pixels of both devices; None for COLMAP, which has no place for it, and where there is no surface."""
         from retrue.errors import DegenerateError
         from retrue.reconstruction.depth_map import depth_map
 
         if self.to == "colmap":
-            return None
+            return None, None
         try:
-            return depth_map(cloud, rig.camera)
+            return depth_map(cloud, rig.camera), depth_map(cloud, rig.projector, rig.projector_from_camera)
         except DegenerateError:
-            return None
+            return None, None

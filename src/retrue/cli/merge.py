@@ -119,6 +119,7 @@ def _report(merged: Merged) -> dict[str, Any]:
         "points": len(merged.cloud),
         "unit": merged.cloud.unit,
         "closure_sigma": merged.closure_sigma,
+        "standing_share": merged.standing,
         "views": views,
         "pairs": pairs,
     }

@@ -26,18 +26,17 @@ def light(
     Lit is what is brighter in white by more than twice `sigmas` of that noise, whose variance is `gain` a grey level.
     """
     cython.declare(y=cython.Py_ssize_t, x=cython.Py_ssize_t, w=cython.float, b=cython.float, v=cython.float)
-    width: cython.Py_ssize_t = white.shape[1]
     one: cython.float = 1
     with cython.nogil:
         for y in range(white.shape[0]):
-            for x in range(width):
+            for x in range(white.shape[1]):
                 w, b = white[y, x], black[y, x]
                 v = gain * (w + b)
                 noise[y, x] = sqrt(v if v > LEAST_NOISE else LEAST_NOISE)
                 contrast[y, x] = w - b
-            for x in range(width):
+            for x in range(white.shape[1]):
                 lit[y, x] = contrast[y, x] > 2 * (noise[y, x] * sigmas)
-            for x in range(width):
+            for x in range(white.shape[1]):
                 contrast[y, x] = contrast[y, x] if contrast[y, x] > one else one
 
 
@@ -61,8 +60,8 @@ def add_bit(
     """
     cython.declare(k=cython.Py_ssize_t, i=cython.Py_ssize_t, x=cython.Py_ssize_t, y=cython.Py_ssize_t)
     cython.declare(stop=cython.Py_ssize_t, count=cython.Py_ssize_t, beside=cython.Py_ssize_t, below=cython.Py_ssize_t)
-    height: cython.Py_ssize_t = pattern.shape[0]
-    width: cython.Py_ssize_t = pattern.shape[1]
+    cython.declare(height=cython.Py_ssize_t, width=cython.Py_ssize_t)
+    height, width = pattern.shape[0], pattern.shape[1]
     with cython.nogil:
         for k in range(runs.shape[0]):
             y, x, stop = runs[k, 0], runs[k, 1], runs[k, 2]
@@ -150,6 +149,7 @@ def find_edges(
     spacing: cython.const[cython.float][:, ::1],
     bias: cython.const[cython.float][:, :, ::1],
     per_stripe: cython.float,
+    blur: tuple[cython.float, cython.float],
     place: cython.int[::1],
     seen: cython.float[:, ::1],
 ) -> int:
@@ -159,42 +159,42 @@ def find_edges(
     where contrast is steady between them and beside them. With margins as `add_bit` has them, each relative to its own
     pixel's contrast, they balance at a share f, and the edge is at f - (c + c' (1 - 2 f)^2) f (1 - f) (1 - 2 f). c and
     c' are of `bias` (3, S, 2), the first where bit 0 changes, the second where bit 1 does, else the third, at
-    `per_stripe` times the `spacing` there, in stripes a pixel. The weight is 1 / (1 + (noise / (`share` of both))^2).
+    `per_stripe` times the `spacing` there, in stripes a pixel. Where contrast C changes, a pixel sees more of its
+    brighter side, on average what lies s^2 C' / C beside it, s^2 the variance of the camera's blur: so far the edge is
+    moved. The weight is 1 / (1 + (noise / (`share` of both))^2 + (d C' / (C `share`))^2); `blur`: s^2, its doubt d.
     """
     cython.declare(y=cython.Py_ssize_t, x=cython.Py_ssize_t, v=cython.Py_ssize_t, u=cython.Py_ssize_t)
     cython.declare(count=cython.Py_ssize_t, step=cython.int, a=cython.float, b=cython.float, s=cython.float)
     cython.declare(dy=cython.Py_ssize_t, dx=cython.Py_ssize_t, p=cython.Py_ssize_t, q=cython.Py_ssize_t)
-    cython.declare(i=cython.Py_ssize_t, bit=cython.Py_ssize_t, behind=cython.int, c=cython.float)
-    last: cython.Py_ssize_t = bias.shape[1] - 2
-    height: cython.Py_ssize_t = code.shape[0]
-    width: cython.Py_ssize_t = code.shape[1]
-    start: cython.Py_ssize_t = rows[0]
-    one: cython.float = 1
+    cython.declare(i=cython.Py_ssize_t, bit=cython.Py_ssize_t, behind=cython.int, c=cython.float, off=cython.float)
+    cython.declare(slope=cython.float, slope_there=cython.float, last=cython.Py_ssize_t, start=cython.Py_ssize_t)
+    cython.declare(height=cython.Py_ssize_t, width=cython.Py_ssize_t, one=cython.float)
+    last, height, width, start, one = bias.shape[1] - 2, code.shape[0], code.shape[1], rows[0], 1
     count, dy, dx = (0, 1, 0) if along == 0 else (0, 0, 1)
     with cython.nogil:
         for y in range(start, min(rows[1], height - dy)):
             for x in range(width - dx):
                 v, u = y + dy, x + dx
-                if not (good[y, x] & good[v, u]):
-                    continue
                 step = code[v, u] - code[y, x]
-                if step != 1 and step != -1:
+                if not (good[y, x] & good[v, u]) or (step != 1 and step != -1):
                     continue
                 if not _steady(contrast[y, x], contrast[v, u], noise[y, x], steepest):
                     continue
                 p, q = max(y - dy, 0), max(x - dx, 0)
                 if not _steady(contrast[p, q], contrast[y, x], noise[p, q], steepest):
                     continue
+                slope = (contrast[v, u] - contrast[p, q]) / (contrast[v, u] + contrast[p, q] + TINY)
                 p, q = min(v + dy, height - 1), min(u + dx, width - 1)
                 if not _steady(contrast[v, u], contrast[p, q], noise[v, u], steepest):
                     continue
-                a, b = near[y, x], far[y, x]
-                s = (a + b) * share
-                s = s * s
+                slope_there = (contrast[p, q] - contrast[y, x]) / (contrast[p, q] + contrast[y, x] + TINY)
+                s = (cython.cast(cython.float, near[y, x]) + far[y, x]) * share
+                off = noise[y, x] / (s + TINY)
                 place[count] = cython.cast(cython.int, (y - start) * width + x)
-                seen[0, count] = s / (s + noise[y, x] * noise[y, x])
-                a, b = a * contrast[v, u], b * contrast[y, x]
+                a, b = near[y, x] * contrast[v, u], far[y, x] * contrast[y, x]
                 a = a / (a + b + TINY)
+                slope = slope + (slope_there - slope) * a
+                seen[0, count] = one / (one + off * off + (blur[1] * slope / share) * (blur[1] * slope / share))
                 behind = max(code[y, x], code[v, u])
                 bit = 0 if behind & 1 else (1 if behind & 2 else 2)
                 s = min(spacing[y, x] * per_stripe, cython.cast(cython.float, last + 1))
@@ -202,7 +202,7 @@ def find_edges(
                 s, b = s - i, one - a - a
                 c = bias[bit, i, 0] + s * (bias[bit, i + 1, 0] - bias[bit, i, 0])
                 c = c + (bias[bit, i, 1] + s * (bias[bit, i + 1, 1] - bias[bit, i, 1])) * b * b
-                seen[1, count] = a - c * (a * (one - a) * b)
+                seen[1, count] = a - c * (a * (one - a) * b) + blur[0] * slope
                 seen[2, count] = (code[y, x] + code[v, u]) * cython.cast(cython.float, 0.5)
                 count += 1
     return count
@@ -227,9 +227,9 @@ def moments(
     cython.declare(w=cython.float, a=cython.float, b=cython.float, wa=cython.float, wb=cython.float, wv=cython.float)
     cython.declare(start=cython.int, left=cython.int, r=cython.int, top=cython.int)
     own = cython.declare(cython.float[9])
-    count: cython.Py_ssize_t = place.shape[0]
-    middle: cython.float = (cell - 1) / cython.cast(cython.float, 2)
-    per_pixel: cython.float = 1 / cython.cast(cython.float, cell * cell)
+    cython.declare(count=cython.Py_ssize_t, middle=cython.float, per_pixel=cython.float)
+    count, middle = place.shape[0], (cell - 1) / cython.cast(cython.float, 2)
+    per_pixel = 1 / cython.cast(cython.float, cell * cell)
     with cython.nogil:
         y = r = top = start = left = 0
         for m in range(9):
@@ -288,9 +288,9 @@ def misses(
     cython.declare(k=cython.Py_ssize_t, y=cython.int, x=cython.int, r=cython.Py_ssize_t, c=cython.int, left=cython.int)
     cython.declare(a=cython.float, b=cython.float, off=cython.float, start=cython.int)
     cython.declare(square=cython.float, weight=cython.float, number=cython.float)
-    count: cython.Py_ssize_t = place.shape[0]
-    middle: cython.float = (cell - 1) / cython.cast(cython.float, 2)
-    per_pixel: cython.float = 1 / cython.cast(cython.float, cell * cell)
+    cython.declare(count=cython.Py_ssize_t, middle=cython.float, per_pixel=cython.float)
+    count, middle = place.shape[0], (cell - 1) / cython.cast(cython.float, 2)
+    per_pixel = 1 / cython.cast(cython.float, cell * cell)
     with cython.nogil:
         y = start = left = 0
         r = begin

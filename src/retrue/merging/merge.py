@@ -16,7 +16,8 @@ from retrue.geometry.transform import RigidTransform, vector_from_rotation
 from retrue.merging.graph import Adjusted, adjust, largest_group, tree_poses
 from retrue.merging.options import MergeOptions
 from retrue.merging.pairs import Pair, coarse_pose, fine_pair, require_libraries
-from retrue.merging.surface import Surface, make_surface, surface_mesh
+from retrue.merging.standing import find_standing, without
+from retrue.merging.surface import Surface, cell_in_reach, make_surface, surface_mesh
 from retrue.merging.view import View, local_normals, make_view, require_points_for_view, usual_cell, usual_spacing
 from retrue.reconstruction.cloud import Cloud, Mesh
 from retrue.shown import ShortRepr, Shown, counted, figures, in_space
@@ -41,6 +42,7 @@ class Merged(ByValue, ShortRepr):
     left_out : the numbers of the views that show no surface in common with the others, and why.
     residuals : RMS distance between the surfaces of each two neighbours, in the cloud's unit.
     closure_sigma : by how many of its sigmas the worst pair misses what all others say of it.
+    standing : share of the points that were left out because they stood still before the camera.
     names : of the views, as they were handed in.
     """
 
@@ -50,6 +52,7 @@ class Merged(ByValue, ShortRepr):
     left_out: dict[int, NoCommonSurface]
     residuals: dict[tuple[int, int], float]
     closure_sigma: float
+    standing: float
     names: tuple[str, ...]
     surface: Surface
     spacing: float
@@ -64,15 +67,19 @@ class Merged(ByValue, ShortRepr):
     @property
     def reason(self) -> str:
         """A sentence."""
-        words = f"{len(self.poses)} of {counted(len(self.names), 'view')}"
-        return "; ".join([words, *map(str, self.left_out.values())])
+        words = [f"{len(self.poses)} of {counted(len(self.names), 'view')}"]
+        if self.standing:
+            words.append(f"without what stood still before the camera, {self.standing:.0%} of the points")
+        return "; ".join([*words, *map(str, self.left_out.values())])
 
     def mesh(self, cell: float | None = None) -> Mesh:
         """The surface as triangles, counter-clockwise from outside, by cells of that size; holes stay open.
 
+        By default cells are as fine as the points, or as fine as memory allows.
+
         Raises `InputError` without scikit-image, and `DegenerateError` where there is no surface.
         """
-        cell = cell or MESH_CELL * self.spacing
+        cell = cell or cell_in_reach(self.surface, MESH_CELL * self.spacing)
         surface = replace(self.surface, reach=max(self.surface.reach, cell))  # else cells would fall between points
         vertices, faces = surface_mesh(surface, cell)
         _, row = self.surface.tree.query(vertices)
@@ -184,6 +191,17 @@ def merge(
         require_points_for_view(name, cloud.points)
     cell = _cell(clouds, options)
     views = [_view(name, cloud, cell) for name, cloud in zip(names, clouds, strict=True)]
+    standing = None if options.keep_standing else find_standing(views, cell)
+    before = sum(map(len, clouds))
+    if standing is not None:
+        clouds = [
+            cloud.select(without(cloud.points, view, stands))
+            for cloud, view, stands in zip(clouds, views, standing, strict=True)
+        ]
+        for name, cloud in zip(names, clouds, strict=True):
+            require_points_for_view(name, cloud.points)
+        cell = _cell(clouds, options)
+        views = [_view(name, cloud, cell) for name, cloud in zip(names, clouds, strict=True)]
     tried: dict[tuple[int, int], Pair] = {}
     pairs = _ties(views, options, cell, tried, progress)
     group = largest_group(len(views), pairs)
@@ -198,7 +216,7 @@ def merge(
         for view in range(len(views))
         if view not in group
     }
-    return _merged(clouds, views, adjusted, left_out, names)
+    return _merged(clouds, views, adjusted, left_out, 1 - sum(map(len, clouds)) / before, names)
 
 
 def _cell(clouds: Sequence[Cloud], options: MergeOptions) -> float:
@@ -307,6 +325,7 @@ def _merged(
     views: Sequence[View],
     adjusted: Adjusted,
     left_out: dict[int, NoCommonSurface],
+    standing: float,
     names: tuple[str, ...],
 ) -> Merged:
     points: list[FloatArray] = []
@@ -350,6 +369,7 @@ def _merged(
         left_out,
         {pair: rms for pair, (rms, _) in adjusted.residuals.items()},
         max(adjusted.closures.values(), default=0.0),
+        standing,
         names,
         surface,
         spacing,

@@ -84,10 +84,9 @@ def require_meshing() -> None:
 
 
 def surface_mesh(surface: Surface, cell: float) -> tuple[FloatArray, IntArray]:
-    """Vertices (N, 3) and faces (M, 3), counter-clockwise from outside, by marching cubes of that size; holes stay
-    open.
+    """Vertices (N, 3) and faces (M, 3), counter-clockwise from outside, by marching cubes; holes stay open.
 
-    Raises `DegenerateError` where the object is larger than the grid may be, or has no surface.
+    Raises `DegenerateError` where `cell` (`cell_in_reach` allows it) makes the grid too large, or there is no surface.
     """
     require_meshing()
     from skimage import measure
@@ -113,6 +112,14 @@ def surface_mesh(surface: Surface, cell: float) -> tuple[FloatArray, IntArray]:
     kept = _of_cubes_that_are_known(known, vertices, faces, low, cell)
     used, numbered = np.unique(faces[kept], return_inverse=True)
     return vertices[used], numbered.reshape(-1, 3).astype(np.int64)
+
+
+def cell_in_reach(surface: Surface, cell: float) -> float:
+    """That size of the cubes, or the smallest that the grid has room for."""
+    sides = np.ptp(surface.points, axis=0)
+    while not np.prod(np.ceil(sides / cell) + 6) <= MOST_NODES:
+        cell *= 1.05
+    return cell
 
 
 def _near_nodes(surface: Surface, low: FloatArray, shape: IntArray, cell: float) -> BoolArray:

@@ -9,6 +9,7 @@ import numpy as np
 from retrue.errors import DegenerateError, require_kind
 from retrue.geometry.arrays import FloatArray, IntArray
 from retrue.geometry.camera import Camera
+from retrue.geometry.transform import RigidTransform
 from retrue.reconstruction.cloud import Cloud, require_cloud
 from retrue.reconstruction.mesh import surface_faces
 
@@ -16,7 +17,7 @@ PIXELS_AT_A_TIME = 4_000_000  # to save memory
 EDGE = 1e-9  # a pixel on the side that two faces share belongs to both
 
 
-def depth_map(cloud: Cloud, camera: Camera) -> FloatArray:
+def depth_map(cloud: Cloud, camera: Camera, camera_from_cloud: RigidTransform | None = None) -> FloatArray:
     """Depth Z (h, w) of the surface at every pixel centre of `camera`, in the cloud's unit; NaN where there is none.
 
     The surface is that of `make_mesh`, so that no depth is invented across a jump. Within a face 1 / Z is linear in
@@ -25,8 +26,9 @@ def depth_map(cloud: Cloud, camera: Camera) -> FloatArray:
 
     Parameters
     ----------
-    camera : in the cloud's frame: the rig's own, for a map that lies on its photograph; or one without distortion, for
-        programs that know pinhole cameras only.
+    camera : the rig's own, for a map that lies on its photograph; or one without distortion, for programs that know
+        pinhole cameras only; or any device.
+    camera_from_cloud : where it stands; None: in the cloud's frame.
 
     Raises
     ------
@@ -43,7 +45,8 @@ def depth_map(cloud: Cloud, camera: Camera) -> FloatArray:
     faces = surface_faces(cloud)
     if not len(faces):
         raise DegenerateError(f"depth map: no three of {len(cloud)} points are neighbours on one surface")
-    return draw_faces(cloud.points, faces, camera)
+    points = cloud.points if camera_from_cloud is None else camera_from_cloud.apply(cloud.points)
+    return draw_faces(points, faces, camera)
 
 
 def draw_faces(points: FloatArray, faces: IntArray, camera: Camera) -> FloatArray:

@@ -23,6 +23,16 @@ LABELS = {
     "shared_noise_px": "Error shared by neighbours, px",
     "planarity_px": "Planes are flat to, px",
     "points_of_another_pose": "Points of another pose, set aside",
+    "dropped_epipolar_outliers": "Left out: rays miss each other by too much",
+    "dropped_behind_or_at_infinity": "Left out: behind a device, or infinitely far",
+    "dropped_alone": "Left out: without neighbours on a surface",
+    "dropped_in_islands": "Left out: on pieces without an inside",
+    "dropped_at_edges": "Left out: cut by an edge",
+    "smoothed": "Points smoothed",
+    "smoothed_cells": "Side of the windows, cells (median)",
+    "holes_filled": "Holes filled",
+    "points_filled_in": "Points invented in them",
+    "holes_left_open": "Holes left open",
 }
 
 

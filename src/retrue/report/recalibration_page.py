@@ -84,7 +84,7 @@ def _accepted_advice(evidence: Evidence, out: str) -> tuple[str, ...]:
     return (
         f"Measure with {rig} from now on, and throw away what was measured since the rig moved: or reconstruct it"
         " again, from its captures.",
-        f"Take another picture, of another scene, and ask `retrue verify` with {rig}: it checks this answer.",
+        f"Take another picture, of another scene: retrue verify with {rig} checks this answer.",
         *_lens_advice(evidence),
     )
 

@@ -16,6 +16,8 @@ from retrue.report.space import Layer, rig_lines, space_html
 from retrue.rig import Rig
 from retrue.shown import figures
 
+SAID_ABOVE = ("points", "correspondences", "sigma", "common_sigma", "epipolar_rms_px")
+
 
 def reconstruction_page(rig: Rig, capture: Capture, cloud: Cloud, *, faces: int | None = None) -> Page:
     """The cloud in space, what was left out of it, and how well the rays meet; `faces` of the mesh, if one was made."""
@@ -29,7 +31,7 @@ def reconstruction_page(rig: Rig, capture: Capture, cloud: Cloud, *, faces: int 
             " \N{MULTIPLICATION SIGN} ".join(unit.number(extent) for extent in size) + f" {unit.name}",
         ),
         ("Nearest and farthest", f"{unit.number(near)} to {unit.text(far)}"),
-        *detail_rows(cloud.card),
+        *detail_rows({key: value for key, value in cloud.card.items() if key not in SAID_ABOVE}),
     ]
     facts = [
         Fact("Points", figures(len(cloud)), f"of {len(capture.points):,} correspondences"),

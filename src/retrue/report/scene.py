@@ -46,8 +46,8 @@ def cloud_of(rig: Rig, captures: Sequence[Capture]) -> Cloud | None:
             clouds.append(reconstruct(rig, capture.points))
         except DegenerateError:
             continue
-    if not clouds:
-        return None
+    if len(clouds) < 2:  # one keeps its grid, whose surface is drawn
+        return clouds[0] if clouds else None
     return Cloud(
         np.concatenate([cloud.points for cloud in clouds]),
         np.concatenate([cloud.colors for cloud in clouds]),

@@ -73,7 +73,7 @@ def _map(cloud: Cloud, rig: Rig, capture: Capture, unit: LengthUnit) -> Chart:
 
 
 def _length(size: float, unit: LengthUnit) -> str:
-    return unit.text(size) if math.isfinite(size) else "not seen"
+    return unit.number(size) if math.isfinite(size) else "not seen"
 
 
 def _table(cloud: Cloud, rig: Rig, unit: LengthUnit) -> Table:
@@ -84,11 +84,12 @@ def _table(cloud: Cloud, rig: Rig, unit: LengthUnit) -> Table:
     distances: list[float] = np.geomspace(0.7 * near, 1.4 * far, 7).tolist()
     errors = error_by_distance(rig, distances, max(typical, 1e-6))
     rows = tuple(
-        (unit.text(row.distance), *(_length(size, unit) for size in (row.own, row.common, row.along, row.aside)))
+        (unit.number(row.distance), *(_length(size, unit) for size in (row.own, row.common, row.along, row.aside)))
         for row in errors
     )
     return Table(
-        ("At", "own", "common", "both", "aside"),
+        (f"At, {unit.name}", "own", "shared", "both", "across"),
         rows,
-        f"One sigma of a point anywhere in view, for noise of {figures(typical)} px as in this capture.",
+        f"One sigma in {unit.name} of a point anywhere in view, for noise of {figures(typical)} px as in this capture:"
+        " along the camera's ray its own, what it shares with all others, and both; across the ray both.",
     )

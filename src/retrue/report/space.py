@@ -18,15 +18,17 @@ import numpy as np
 from numpy.typing import NDArray
 
 from retrue.errors import InputError, require_kind, require_kinds
-from retrue.geometry.arrays import FloatArray
+from retrue.geometry.arrays import FloatArray, IntArray
 from retrue.geometry.camera import Camera
 from retrue.geometry.transform import RigidTransform
 from retrue.ranges import require_number
 from retrue.reconstruction.cloud import Cloud, Mesh
+from retrue.reconstruction.mesh import surface_faces
 from retrue.rig import Rig, require_rig
 
 MOST_POINTS = 2_000_000  # of a layer; more are thinned evenly, and the page says so
 MOST_FACES = 800_000  # of a mesh; where there are more, its points are shown
+SPARSE = 50_000  # points of a grid, up to which its surface is drawn with them: denser ones read as one by themselves
 STRAY_SHARE = 0.002  # of the points, at either end of each axis: strays must not shrink the rest
 DIRECTIONS = 100  # in which the outermost points are looked for
 FRUSTUM_SHARE = 0.16  # of the distance to the scene
@@ -233,10 +235,9 @@ def _packed_layer(layer: Layer, ranges: dict[str, list[float]], most: int) -> di
     model = layer.model
     count = len(model.points)
     rows = np.arange(count)
-    faces: str | None = None
-    if isinstance(model, Mesh) and len(model.faces) <= MOST_FACES:
-        faces = _packed(model.faces.astype("<u4"))
-    else:
+    triangles = _triangles(layer)
+    faces = None if triangles is None else _packed(triangles.astype("<u4"))
+    if triangles is None:
         rows = np.random.default_rng(0).permutation(count)[:most]
     points = model.points[rows]
     low = points.min(axis=0)
@@ -260,7 +261,19 @@ def _packed_layer(layer: Layer, ranges: dict[str, list[float]], most: int) -> di
         "known": _packed(scalars),
         "facing": facing,
         "faces": faces,
+        "dots": isinstance(model, Cloud),
     }
+
+
+def _triangles(layer: Layer) -> IntArray | None:
+    """(M, 3) of a mesh, or of the surface that a sparse cloud's own grid shows; None: its points alone are drawn."""
+    model = layer.model
+    if isinstance(model, Mesh):
+        return model.faces if len(model.faces) <= MOST_FACES else None
+    if layer.aside or model.cells is None or len(model) > SPARSE:
+        return None
+    faces = surface_faces(model)
+    return faces if len(faces) else None
 
 
 def _said(layer: Layer, drawn: int, with_faces: bool) -> str:

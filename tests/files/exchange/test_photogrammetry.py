@@ -43,7 +43,8 @@ def test_colmap_sees_every_point_where_both_devices_see_it(tmp_path):
 
 
 def test_nerfstudio_projects_the_points_to_the_same_pixels(tmp_path):
-    write_nerfstudio(tmp_path, CLOUD, rig_views(RIG, CLOUD, PHOTOGRAPH, SHOWN, depth_map(CLOUD, CAMERA)))
+    depths = depth_map(CLOUD, CAMERA), depth_map(CLOUD, PROJECTOR, RIG.projector_from_camera)
+    write_nerfstudio(tmp_path, CLOUD, rig_views(RIG, CLOUD, PHOTOGRAPH, SHOWN, *depths))
     said = json.loads((tmp_path / "transforms.json").read_text())
     points = read_model(tmp_path / said["ply_file_path"], "mm").points
     assert np.allclose(points, CLOUD.points / 1000, rtol=2**-23)
@@ -61,8 +62,21 @@ def test_nerfstudio_projects_the_points_to_the_same_pixels(tmp_path):
         expected = device.project(CLOUD.points if pose is None else pose.apply(CLOUD.points)) + 0.5
         assert np.allclose(pixels, expected, atol=1e-9)
         assert (tmp_path / frame["file_path"]).is_file()
-    depth = read_image(tmp_path / said["frames"][0]["depth_file_path"]) * said["depth_unit_scale_factor"]
-    assert np.median(depth[depth > 0]) == pytest.approx(np.median(CLOUD.points[:, 2]) / 1000, rel=0.05)
+        depth = read_image(tmp_path / frame["depth_file_path"]) * said["depth_unit_scale_factor"]
+        column, row = np.rint(expected - 0.5).astype(int).T
+        inside = (column >= 0) & (row >= 0) & (column < depth.shape[1]) & (row < depth.shape[0])
+        there = np.flatnonzero(inside)[depth[row[inside], column[inside]] > 0]  # at the rim half round outwards
+        assert len(there) > 0.5 * len(CLOUD)
+        assert np.allclose(depth[row[there], column[there]], -view[there, 2], rtol=0.02)
+
+
+def test_nerfstudio_has_depths_of_all_frames_or_of_none(tmp_path):
+    """Its parser refuses folders where only some frames have one."""
+    for name, depth, expected in (("some", depth_map(CLOUD, CAMERA), 2), ("none", None, 0)):
+        write_nerfstudio(tmp_path / name, CLOUD, rig_views(RIG, CLOUD, PHOTOGRAPH, SHOWN, depth))
+        frames = json.loads((tmp_path / name / "transforms.json").read_text())["frames"]
+        assert sum("depth_file_path" in frame for frame in frames) == expected
+    assert not read_image(tmp_path / "some" / "depth" / "projector.png").any()
 
 
 def test_what_a_tool_cannot_hold_is_refused_before_anything_is_written(tmp_path):

@@ -22,6 +22,7 @@ from retrue.decoding.gray.bend import plane_bias
 from retrue.decoding.gray.bits import AxisCode, CodeImage, neighbours
 from retrue.decoding.gray.edge_shape import PER_STRIPE, EdgeBias
 from retrue.decoding.gray.scatter import scatter_level
+from retrue.decoding.light import BLUR, BLUR_DOUBT
 from retrue.geometry.arrays import BoolArray
 from retrue.kernels import planes as planes_kernel
 from retrue.kernels import stripes as kernel
@@ -32,8 +33,9 @@ EDGE_SIGMA = 0.05
 """Camera pixels: how well an edge is found when noise plays no part (JPEG, albedo, the shape of the edge)."""
 WINDOW_SIGMA, WINDOW_RADIUS = 1.25, 3
 """Cells: standard deviation and reach of the Gaussian window."""
-STEEPEST_CONTRAST = 0.3
-"""Where brightness changes by more than this share from pixel to pixel, light leaks across and shifts the edge."""
+STEEPEST_CONTRAST = 0.1
+"""Where brightness changes by more than this share from pixel to pixel, light leaks across and shifts the edge by more
+than can be told."""
 MOST_STRIPES = 4
 """Between neighbours on one surface."""
 AROUND = 17
@@ -97,8 +99,8 @@ def find_edges(
     """Edges between neighbours that are both good and one stripe apart, the first of them in `rows`.
 
     `contrast` is white - black and `noise` the standard deviation of pattern - inverse, both (height, width).
-    The difference of pattern and inverse is taken relative to the contrast, so that albedo does not shift the edge, and
-    what a straight line misses it by is taken out.
+    The difference of pattern and inverse is taken relative to the contrast, so that albedo does not shift the edge;
+    what a straight line misses it by is taken out, and what a sharp camera's blur makes of brightness that changes.
     """
     spacing = _stripes_per_pixel(axis.code, good, along) if bias.any() else contrast  # of no bias, any will do
     most = int(np.count_nonzero(good))
@@ -117,6 +119,7 @@ def find_edges(
         spacing,
         bias,
         PER_STRIPE,
+        (BLUR, BLUR_DOUBT),
         place,
         seen,
     )

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from retrue.decoding.gray.cue import as_cue, read_cue
 from retrue.decoding.gray.plan import plan_reading
 from retrue.decoding.gray.sequence import GraySequence, gray_sequence
+from retrue.decoding.light import BLUR, BLUR_DOUBT
 from retrue.decoding.sequence.arrange import ArrangedSequence
 from retrue.decoding.sequence.noise import FloatImage, Noise, measure_noise
 from retrue.decoding.sequence.ripple import measure_ripple, straightened
@@ -34,9 +35,6 @@ END_PX, END_REACH = 4.0, 3
 """How far blur carries light: from the projector's ends in its pixels, and in the camera's."""
 WHOLE = 0.9
 """Of the modulation beside it: a pixel with less sees the end of the picture."""
-BLUR, BLUR_DOUBT = 0.4, 0.2
-"""Variance of the camera's blur, of lens and pixel together, px^2, and one sigma of what it may be otherwise: a camera
-in focus blurs by 0.45 to 0.77 px."""
 NOWHERE_PX = -1e6
 SAMPLE_BANDS, SAMPLE_ROWS = 20, 4
 FEWEST_TURNS = 4

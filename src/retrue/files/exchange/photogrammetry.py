@@ -54,9 +54,17 @@ class View:
 
 
 def rig_views(
-    rig: Rig, cloud: Cloud, photograph: Image | None, shown: Image | None, depth: FloatArray | None = None
+    rig: Rig,
+    cloud: Cloud,
+    photograph: Image | None,
+    shown: Image | None,
+    depth: FloatArray | None = None,
+    shown_depth: FloatArray | None = None,
 ) -> tuple[View, View]:
-    """The camera, with its photograph; and the projector, a camera run backwards, with what it showed."""
+    """The camera, with its photograph; and the projector, a camera run backwards, with what it showed.
+
+    `depth` and `shown_depth` are the surface's on the pixels of both (`depth_map`).
+    """
     require_rig(rig)
     require_cloud(cloud)
     for name, picture in (("photograph", photograph), ("shown", shown)):
@@ -64,7 +72,7 @@ def rig_views(
             require_picture(picture, name)
     projector_px = rig.projector.project(rig.projector_from_camera.apply(cloud.points))
     camera = View("camera", rig.camera, RigidTransform.identity(), cloud.camera_px, photograph, depth)
-    return camera, View("projector", rig.projector, rig.projector_from_camera, projector_px, shown)
+    return camera, View("projector", rig.projector, rig.projector_from_camera, projector_px, shown, shown_depth)
 
 
 def write_colmap(folder: str | Path, cloud: Cloud, views: Sequence[View]) -> None:
@@ -99,7 +107,7 @@ def write_nerfstudio(folder: str | Path, cloud: Cloud, views: Sequence[View]) ->
     """`transforms.json`, `images/`, `depth/` and the points as `points.ply`, all in metres.
 
     Source: nerfstudio, "Data conventions". Views without a picture are left out: there is nothing to learn
-    from them.
+    from them. It takes depths of all frames or of none, so that a frame without any gets a map that knows nothing.
 
     Raises
     ------
@@ -118,10 +126,11 @@ def write_nerfstudio(folder: str | Path, cloud: Cloud, views: Sequence[View]) ->
     frames = [_nerfstudio_frame(view, metres) for view in views]
     _made(folder)
     _write_pictures(folder / "images", views)
-    for view, frame in zip(views, frames, strict=True):
-        if view.depth is not None:
+    if any(view.depth is not None for view in views):
+        for view, frame in zip(views, frames, strict=True):
             frame["depth_file_path"] = f"depth/{view.name}.png"
-            write_depth_map(_made(folder / "depth") / f"{view.name}.png", view.depth, view.camera, cloud.unit)
+            depth = np.full(view.camera.size[::-1], np.nan) if view.depth is None else view.depth
+            write_depth_map(_made(folder / "depth") / f"{view.name}.png", depth, view.camera, cloud.unit)
     in_metres = Cloud(cloud.points * metres, cloud.colors, cloud.camera_px, "m")
     write_cloud(folder / "points.ply", in_metres)
     whole = {"camera_model": "OPENCV", "ply_file_path": "points.ply", "depth_unit_scale_factor": 1 / DEPTH_SCALE}

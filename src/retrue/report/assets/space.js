@@ -7,6 +7,7 @@ const MOST_AT_ONCE = 400000; // points a step, while a view at rest is filled in
 const LEAST_POINTS = 5000; // while the view moves; where even those take too long, pixels are coarser
 const STILL = 160; // milliseconds without a move after which the view is at rest
 const CLICK_PX = 12;
+const DOT_PX = 2; // of points on a surface that is drawn
 const MODES = { true: 0, height: 1, depth: 2, sigma: 3, residual: 4, normal: 5 };
 const METRES = { um: 1e-6, mm: 1e-3, cm: 1e-2, m: 1, in: 0.0254, ft: 0.3048 };
 
@@ -204,7 +205,7 @@ class Space {
     gl.uniformMatrix4fv(this.at.seen, false, this.seen);
     gl.uniform3fv(this.at.cutLow, this.cut.low); gl.uniform3fv(this.at.cutHigh, this.cut.high);
     gl.uniform2fv(this.at.range, this.mode === "height" ? [-this.high[1], -this.low[1]] : [this.low[2], this.high[2]]);
-    gl.uniform1f(this.at.size, Math.max(1, ratio * this.pointSize(this.moving ? step : Infinity)));
+    const size = Math.max(1, ratio * this.pointSize(this.moving ? step : Infinity));
     const shown = this.spec.layers.filter((layer) => layer.shown), total = shown.reduce((sum, layer) => sum + layer.count, 0) || 1;
     gl.uniform1f(this.at.veil, 1);
     for (const layer of shown) {
@@ -215,8 +216,10 @@ class Space {
       gl.uniform1i(this.at.mode, layer.aside ? 0 : MODES[this.mode]);
       gl.uniform1i(this.at.shaded, layer.faces && this.mode === "true" ? 1 : 0);
       gl.bindVertexArray(layer.array);
-      if (layer.faces) { if (first === 0) { gl.uniform1i(this.at.round, 0); gl.drawElements(gl.TRIANGLES, layer.faces.length, gl.UNSIGNED_INT, 0); } continue; }
-      gl.uniform1i(this.at.round, 1);
+      if (layer.faces && first === 0) { gl.uniform1i(this.at.round, 0); gl.drawElements(gl.TRIANGLES, layer.faces.length, gl.UNSIGNED_INT, 0); }
+      if (!layer.dots) continue;
+      gl.uniform1i(this.at.round, 1); gl.uniform1i(this.at.shaded, 0);
+      gl.uniform1f(this.at.size, layer.faces ? DOT_PX * ratio : size);
       const share = layer.count / total, from = Math.min(Math.floor(first * share), layer.count), to = Math.min(Math.ceil((first + step) * share), layer.count);
       if (to > from) gl.drawArrays(gl.POINTS, from, to - from);
     }
@@ -250,6 +253,15 @@ class Space {
   part(layer, width) {
     if (!this.compared || layer.aside) return [0, 1e9];
     return layer.when === "before" ? [0, this.split * width] : layer.when === "after" ? [this.split * width, 1e9] : [0, 1e9];
+  }
+
+  // The slider opens amid the points: devices beside them would leave one side of it empty.
+  splitMiddle(slider) {
+    const { low, extent } = this.spec.layers.find((layer) => layer.when === "after");
+    this.seen = this.matrix(this.canvas.clientWidth || 1, this.canvas.clientHeight || 1);
+    const [x] = this.onScreen(low.map((value, axis) => value + extent[axis] / 2));
+    this.split = Math.min(0.9, Math.max(0.1, x / (this.canvas.clientWidth || 1)));
+    slider.value = 100 * this.split;
   }
 
   plain() {
@@ -389,6 +401,7 @@ class Space {
     this.compared = layers.some((layer) => layer.when === "before") && layers.some((layer) => layer.when === "after");
     for (const name of [".mode", ".unit", ".measured", "details"]) (find(name).closest("label") ?? find(name)).hidden = !layers.length;
     find(".compare").hidden = !this.compared;
+    if (this.compared) this.splitMiddle(find(".compare input"));
     find(".compare input").oninput = (event) => { this.split = Number(event.target.value) / 100; this.move(); };
     find(".truth input").oninput = () => this.mark();
     for (const [axis, name] of [..."xyz"].entries()) {
