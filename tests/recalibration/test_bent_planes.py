@@ -17,7 +17,8 @@ from retrue.recalibration.bows import bow_shapes
 from retrue.recalibration.fit import Support
 from retrue.recalibration.lens import LensPrior, changed_device, stated_prior
 from retrue.recalibration.measured import Measured
-from retrue.recalibration.posterior import Parameters, Posterior, Prior, fit_posterior, posterior_at
+from retrue.recalibration.parameters import Parameters, Prior
+from retrue.recalibration.posterior import Posterior, fit_posterior, posterior_at
 from retrue.recalibration.rays import rays_of_captures
 from retrue.recalibration.recalibrate import recalibrate
 from retrue.recalibration.result import Accepted

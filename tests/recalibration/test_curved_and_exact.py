@@ -155,7 +155,7 @@ def test_what_few_blocks_do_not_tell_of_a_lens_is_believed() -> None:
             np.empty((n, 0), dtype=np.int64),
         )
         shares.append(untold_misfit(measured) / MISFIT_PX)
-    assert shares[0] == pytest.approx(np.sqrt(10 / (10 + 36 - 13)))
+    assert shares[0] == pytest.approx(np.sqrt(36 / (36 + 36 - 13)))
     assert shares[1] == 1.0
 
 

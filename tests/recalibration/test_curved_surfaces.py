@@ -9,14 +9,17 @@ import pytest
 
 import retrue
 from retrue.correspondences import Correspondences
-from retrue.geometry.transform import direction_angle, rotation_angle
-from retrue.geometry.two_view import TwoViewPose
+from retrue.geometry.arrays import FloatArray
+from retrue.geometry.transform import direction_angle, rotation_angle, rotation_from_vector
+from retrue.geometry.two_view import TwoViewPose, planes_of_pose
+from retrue.recalibration import posterior
 from retrue.recalibration.bows import bow_shapes
 from retrue.recalibration.curved_surfaces import curved_of, curved_rival
 from retrue.recalibration.fit import Support, own_pose
 from retrue.recalibration.lens import stated_prior
 from retrue.recalibration.measured import Measured
-from retrue.recalibration.posterior import Parameters, Posterior, Prior, fit_posterior
+from retrue.recalibration.parameters import Parameters, Prior
+from retrue.recalibration.posterior import Posterior, fit_cost, fit_posterior
 from retrue.recalibration.rays import rays_of_captures
 from tests.recalibration.scenes import CAMERA, POSE, RIG, bumped
 
@@ -74,3 +77,21 @@ def test_what_is_nearly_flat_is_answered_within_its_sigma_or_not_at_all(bend: fl
             assert sigma is not None
             assert np.degrees(rotation_angle(pose.R @ POSE.R.T)) < max(0.2, 4 * sigma.rotation_deg)
             assert np.degrees(direction_angle(pose.t, POSE.t)) < max(0.2, 4 * sigma.translation_deg)
+
+
+@pytest.mark.parametrize("follows", [True, False])
+def test_a_fit_goes_all_the_way_down_a_valley_that_bends(follows: bool, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Pose, plane and bows of a small window: straight steps leave the valley, and damped ones stop in it."""
+    if not follows:
+        monkeypatch.setattr(posterior, "LONG", np.inf)
+    above = list[float]()
+    for axis in ([2.0, 0.0, 0.0], [0.0, -3.0, 0.0], [2.0, 2.0, 0.0]):
+        for seed in (0, 3):
+            true = as_a_plane(window(2e-4, 0.05, seed, side=0.08, number=400))
+            H: FloatArray = true.pose.R + true.pose.t[:, None] * true.pose.planes[0]
+            R = rotation_from_vector(np.radians(axis)) @ true.pose.R
+            t = rotation_from_vector(1.3 * np.radians(axis)) @ true.pose.t
+            start = Parameters.of(TwoViewPose(R, t, planes_of_pose(R, t, [H])))
+            found = fit_posterior(true.measured, start, true.prior, 30)
+            above.append(fit_cost(found, true) - fit_cost(true, true))
+    assert (max(above) < 0.1) == follows

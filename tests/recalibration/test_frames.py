@@ -11,7 +11,8 @@ from retrue.geometry.transform import RigidTransform
 from retrue.geometry.two_view import TwoViewPose, pose_difference, tangent_basis
 from retrue.recalibration.fit import carried, squared_sigmas
 from retrue.recalibration.lens import stated_prior
-from retrue.recalibration.posterior import Parameters, PosePrior, Prior, fit_posterior, posterior_at
+from retrue.recalibration.parameters import Parameters, PosePrior, Prior
+from retrue.recalibration.posterior import fit_posterior, posterior_at
 from tests.recalibration.scenes import POSE, RIG
 from tests.recalibration.test_posterior import measured_scene
 

@@ -12,8 +12,8 @@ from retrue.recalibration.candidates import twins_of
 from retrue.recalibration.hypotheses import Hypothesis, hypotheses_of, hypothesis, one_place
 from retrue.recalibration.lens import LensPrior, changed_device
 from retrue.recalibration.measured import Measured
+from retrue.recalibration.parameters import Parameters, Prior
 from retrue.recalibration.parts import homography_residuals
-from retrue.recalibration.posterior import Parameters, Prior
 from retrue.recalibration.recalibrate import recalibrate
 from retrue.recalibration.result import Accepted
 from retrue.rig import Rig

@@ -20,8 +20,9 @@ from retrue.recalibration.fit import Support, evaluate
 from retrue.recalibration.judge import judge
 from retrue.recalibration.lens import stated_prior
 from retrue.recalibration.options import RecalibrateOptions
+from retrue.recalibration.parameters import Prior
 from retrue.recalibration.parts import homography_residuals, noise_of_planes, unexplained
-from retrue.recalibration.posterior import Prior, posterior_at
+from retrue.recalibration.posterior import posterior_at
 from retrue.recalibration.rays import rays_of_captures
 from retrue.recalibration.recalibrate import recalibrate
 from retrue.recalibration.result import Accepted

@@ -14,16 +14,8 @@ from retrue.recalibration.bows import bow_shapes
 from retrue.recalibration.fit import Support, chi_square
 from retrue.recalibration.lens import FOCAL, changed_device, stated_prior
 from retrue.recalibration.options import RecalibrateOptions
-from retrue.recalibration.posterior import (
-    LENSES,
-    Measured,
-    Parameters,
-    PosePrior,
-    Posterior,
-    Prior,
-    fit_posterior,
-    posterior_at,
-)
+from retrue.recalibration.parameters import LENSES, Parameters, PosePrior, Prior
+from retrue.recalibration.posterior import Measured, Posterior, fit_posterior, posterior_at
 from retrue.recalibration.rays import rays_of_captures
 from retrue.rig import Rig
 from tests.recalibration.scenes import POSE, RIG, SIDE_WALL, WALL, Scene, capture

@@ -10,7 +10,8 @@ from retrue.errors import DegenerateError
 from retrue.geometry.arrays import BoolArray, FloatArray
 from retrue.geometry.two_view import POSE_PARAMETERS, solve_normal_equations
 from retrue.recalibration.bows import BOWS
-from retrue.recalibration.posterior import LENSES, Posterior, fit_posterior
+from retrue.recalibration.parameters import LENSES
+from retrue.recalibration.posterior import Posterior, fit_posterior
 
 LOOSE = 30.0  # times as bowed as walls are: curled paper, clapboards
 BENT = 16.3  # of chi-square with three degrees of freedom: a flat plane once in a thousand

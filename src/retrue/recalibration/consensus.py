@@ -14,8 +14,9 @@ from retrue.recalibration.candidates import MOST, of_five_points
 from retrue.recalibration.hypotheses import Hypothesis, hypothesis, one_place
 from retrue.recalibration.lens import LensPrior
 from retrue.recalibration.measured import MISFIT_PX
+from retrue.recalibration.parameters import Parameters, Prior
 from retrue.recalibration.parts import ELSEWHERE, FEWEST_OF_A_PART, LOUD, Part, set_aside
-from retrue.recalibration.posterior import Measured, Parameters, Posterior, Prior, posterior_at
+from retrue.recalibration.posterior import Measured, Posterior, posterior_at
 
 AGREES = 3.0  # sigma
 STEPS = 4  # at most, of fitting those that agree, and asking again which those are

@@ -11,8 +11,9 @@ from retrue.geometry.arrays import FloatArray
 from retrue.geometry.two_view import TwoViewPose, planes_of_pose
 from retrue.recalibration.fit import chi_square, squared_sigmas
 from retrue.recalibration.measured import Measured
+from retrue.recalibration.parameters import PosePrior, Prior
 from retrue.recalibration.parts import FEWEST_OF_A_PART
-from retrue.recalibration.posterior import PosePrior, Posterior, Prior, fit_posterior, posterior_at
+from retrue.recalibration.posterior import Posterior, fit_posterior, posterior_at
 from retrue.recalibration.rays import Rays
 from retrue.recalibration.slow_errors import taken_up
 

@@ -165,9 +165,8 @@ def shifted_copies(posterior: Posterior, outside: BoolArray, most: int = MOST_CO
 def parts_of(posterior: Posterior) -> list[Part]:
     """Copies of planes and of codes, and planes of their own: what has an explanation, and is none of the pose."""
     measured, outside = posterior.measured, unexplained(posterior)
-    found = copies_of_planes(posterior, outside) + planes_apart(posterior, outside, measured.homography_residuals)
-    found += copies_seen_through(posterior)
-    if measured.textured:
-        return found
-    known = np.any([~outside, *(one.rows for one in found)], axis=0)
-    return found + shifted_codes(posterior, ~known)
+    copies = copies_of_planes(posterior, outside)
+    if not measured.textured:  # of what is curved, a plane of its own and one shift are rivals
+        copies += shifted_codes(posterior, outside & ~np.any([~outside, *(copy.rows for copy in copies)], axis=0))
+    apart = planes_apart(posterior, outside, measured.homography_residuals)
+    return copies + apart + copies_seen_through(posterior)

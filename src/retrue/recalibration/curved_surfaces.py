@@ -15,16 +15,9 @@ from retrue.errors import DegenerateError
 from retrue.geometry.arrays import BoolArray
 from retrue.geometry.two_view import FREE, TwoViewPose
 from retrue.recalibration.lens_evidence import CURVED, untold_misfit
-from retrue.recalibration.posterior import (
-    Measured,
-    Parameters,
-    Posterior,
-    Prior,
-    fit_posterior,
-    posterior_at,
-    same_answer,
-)
-from retrue.recalibration.rivals import Rival, move_deg, move_nats, total_costs
+from retrue.recalibration.parameters import Parameters, Prior
+from retrue.recalibration.posterior import Measured, Posterior, fit_posterior, posterior_at, same_answer
+from retrue.recalibration.rivals import Rival, least, move_deg, move_nats, total_costs
 
 ITERATIONS = 10
 CLEARLY = 3.5  # of the usual bow of a wall
@@ -42,7 +35,9 @@ def curved_rival(best: Posterior, old: TwoViewPose) -> Rival | None:
     if not (len(best.pose.planes) and _may_gain(best)):
         return None
     try:
-        flat, bent = (fit_posterior(*_bowed(best, curved), ITERATIONS) for curved in (1.0, CURVED))
+        bent = fit_posterior(*_bowed(best, CURVED), ITERATIONS)
+        flattened = replace(best, parameters=replace(bent.parameters, bows=bent.parameters.bows * CURVED))
+        flat = least([fit_posterior(*_bowed(start, 1.0), ITERATIONS) for start in (best, flattened)])
     except DegenerateError:
         return None
     costs = np.array(total_costs([bent, flat]))
@@ -56,6 +51,17 @@ def curved_of(rival: Rival) -> BoolArray:
     """(P,) which of its planes are curved: more than walls are, or the most."""
     bows = np.abs(rival.posterior.parameters.bows).max(axis=1) * CURVED
     return bows >= min(CLEARLY, float(bows.max()))
+
+
+def with_curved(measured: Measured, planes: BoolArray) -> Measured:
+    """The same where those planes (P,) may be curved."""
+    rows = np.append(planes, False)[measured.support.points.plane_index]  # the last is of points on none
+    return replace(measured, shapes=np.where(rows[:, None], CURVED * measured.shapes, measured.shapes))
+
+
+def as_curved(parameters: Parameters, planes: BoolArray) -> Parameters:
+    """The same place where those planes (P,) may be curved."""
+    return replace(parameters, bows=np.where(planes[:, None], parameters.bows / CURVED, parameters.bows))
 
 
 def _may_gain(fit: Posterior) -> bool:

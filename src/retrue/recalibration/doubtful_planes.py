@@ -13,8 +13,9 @@ from retrue.geometry.two_view import FREE, epipolar_residuals
 from retrue.recalibration.candidates import FEWEST_FREE, MOST, of_five_points
 from retrue.recalibration.fit import carried, refine, squared_sigmas
 from retrue.recalibration.measured import MISFIT_PX
+from retrue.recalibration.parameters import Parameters, Prior
 from retrue.recalibration.parts import plane_around
-from retrue.recalibration.posterior import Parameters, Posterior, Prior, fit_posterior, improved, posterior_at
+from retrue.recalibration.posterior import Posterior, fit_posterior, improved, posterior_at
 from retrue.recalibration.result import sigma_at, working_distance
 
 MOST_BOW = 3.5  # of the usual bow of a wall

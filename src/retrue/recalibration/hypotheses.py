@@ -20,6 +20,7 @@ from retrue.recalibration.fit import squared_sigmas
 from retrue.recalibration.lens import LensPrior
 from retrue.recalibration.likelihood import with_misfit
 from retrue.recalibration.measured import MISFIT_PX
+from retrue.recalibration.parameters import Parameters, Prior
 from retrue.recalibration.parts import (
     ELSEWHERE,
     Part,
@@ -28,7 +29,7 @@ from retrue.recalibration.parts import (
     parts_apart,
     set_aside,
 )
-from retrue.recalibration.posterior import Measured, Parameters, Posterior, Prior, fit_cost, fit_posterior, posterior_at
+from retrue.recalibration.posterior import Measured, Posterior, fit_cost, fit_posterior, posterior_at
 from retrue.recalibration.rivals import PARAMETER, RARE, plane_levels, total_costs
 
 GATHERED = 15  # steps

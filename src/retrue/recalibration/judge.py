@@ -24,7 +24,7 @@ from retrue.recalibration.candidates import (
 from retrue.recalibration.consensus import quieter_majorities
 from retrue.recalibration.contradiction import MOST_DEVIATIONS, differing_capture
 from retrue.recalibration.copies import shifted_copy
-from retrue.recalibration.curved_surfaces import curved_of, curved_rival
+from retrue.recalibration.curved_surfaces import as_curved, curved_of, curved_rival, with_curved
 from retrue.recalibration.doubtful_planes import (
     better_without_planes,
     curved_planes,
@@ -41,6 +41,7 @@ from retrue.recalibration.lens_evidence import LensEvidence, held_instead, hidde
 from retrue.recalibration.measured import MISFIT_PX
 from retrue.recalibration.near_rivals import allowed_error, near_rivals, spread
 from retrue.recalibration.options import RecalibrateOptions
+from retrue.recalibration.parameters import Parameters, Prior
 from retrue.recalibration.parts import (
     FEWEST_OF_A_PART,
     IN_A_MIRROR,
@@ -56,13 +57,7 @@ from retrue.recalibration.parts import (
     set_aside,
     unexplained,
 )
-from retrue.recalibration.posterior import (
-    Measured,
-    Parameters,
-    Posterior,
-    Prior,
-    posterior_at,
-)
+from retrue.recalibration.posterior import Measured, Posterior, posterior_at
 from retrue.recalibration.rays import Rays, loudest_px, rays_of_captures
 from retrue.recalibration.reasons import (
     CapturesDiffer,
@@ -175,9 +170,10 @@ def judge(rig: Rig, captures: Sequence[Correspondences], options: RecalibrateOpt
     wide = wide_prior(rig, tight)
     prior = Prior(wide, free=True) if options.lens == "may-have-changed" else Prior(tight)
     starts = [Parameters.of(fit.pose) for fit in foremost(fits, few.points)]
-    light = light_of(rig, captures, few)
+    light, bowed = light_of(rig, captures, few), np.zeros(len(homographies), dtype=np.bool_)
     while True:
         measured = _measured(rig, captures, few, homographies, neighbours, options.flatness_sigma, photographs)
+        measured = with_curved(measured, bowed)
         lone = None  # small things of photographs show one match each, and no surface has a second of them
         if not photographs:
             lone = noise_of_planes(few.points, homographies, neighbours, plane_levels(measured))
@@ -213,9 +209,7 @@ def judge(rig: Rig, captures: Sequence[Correspondences], options: RecalibrateOpt
             curved = misleading_plane(best, lens.kept)
         if photographs and not curved.any():
             curved = bent_planes(best)
-        bent = None if photographs or curved.any() else curved_rival(best, old)
-        if bent is not None and not bent.margin >= 0:
-            curved = curved_of(bent)
+        bent = None if photographs or curved.any() or bowed.any() else curved_rival(best, old)
         if photographs and not curved.any() and not has_copies(best):
             curved = needless_planes(best, lens.kept)  # without its plane, a copy would be another surface
         changed = lens.verdict == "changed"  # through another lens planes look curved
@@ -229,8 +223,13 @@ def judge(rig: Rig, captures: Sequence[Correspondences], options: RecalibrateOpt
         certain = changed or photographs or curved.any() or free
         curved |= bool(free) or (not certain and hidden_by_planes(best, part, tight, wide, old))
         if not curved.any():
-            break
+            if bent is None or bent.margin >= 0 or changed:
+                break
+            bowed = curved_of(bent)
+            starts = [as_curved(fit.parameters, bowed) for fit in posteriors]
+            continue
         rays, few, homographies = _without_planes(curved, rays, few, homographies)
+        bowed = bowed[~curved]
         starts = [fit.parameters.without_planes(curved) for fit in posteriors]
         starts += [Parameters.of(fit.pose) for fit in free]
         # Those poses were of planes that are none, and what is curved often leaves two that differ by little.
@@ -251,6 +250,7 @@ def judge(rig: Rig, captures: Sequence[Correspondences], options: RecalibrateOpt
         prior = replace(prior, kept=lens.kept, together=follows)
     nobody = np.empty((len(rays), 0), dtype=np.int64)
     whole = _measured(rig, captures, rays, homographies, nobody, options.flatness_sigma, photographs)
+    whole = with_curved(whole, bowed)
     misfit = MISFIT_PX if photographs else 0.0  # of a projector's points, a slow error holds it
     whole = replace(whole, aside=turned if turned.any() else None, misfit=misfit, noise_shape=uneven_of_all)
     answer = posterior_at(whole, start, prior)

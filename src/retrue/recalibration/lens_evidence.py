@@ -17,11 +17,13 @@ from retrue.recalibration.bows import BOWS, bow_shapes
 from retrue.recalibration.candidates import behind, same_pose
 from retrue.recalibration.chance import beyond_chance
 from retrue.recalibration.copies import shifted_copies
+from retrue.recalibration.fit import BLOCKS
 from retrue.recalibration.hypotheses import drawn_in
 from retrue.recalibration.lens import FOCAL, LENS_PARAMETERS, LensPrior, scaled_starts
 from retrue.recalibration.measured import MISFIT_PX
+from retrue.recalibration.parameters import Parameters, Prior
 from retrue.recalibration.parts import LOUD, Part, unexplained
-from retrue.recalibration.posterior import Measured, Parameters, Posterior, Prior, fit_posterior, posterior_at
+from retrue.recalibration.posterior import Measured, Posterior, fit_posterior, posterior_at
 from retrue.recalibration.rivals import (
     SELDOM,
     UNEXPLAINED,
@@ -42,7 +44,9 @@ FARTHEST = 3.0  # wide sigma that a lens changes by
 CURVED = 30.0  # times as bowed as planes are: balls, pipes, faces
 DEGREES = 2, 3  # of what is curved: one bend, or one that turns
 ROUGHER = 1.2  # along the epipolar line than across it: what a plane leaves is alike
-BELIEVED_BLOCKS = 10  # that the misfit of real lenses is believed as much as: they differ, and may have none
+BELIEVED_BLOCKS = (
+    BLOCKS**2
+)  # as much as of one picture is the misfit of real lenses believed: they differ, and may have none
 PART_PRICE = 60.0  # of chi-square: five free parameters, and the choice of points
 
 

@@ -200,8 +200,7 @@ def other_parts(posteriors: Sequence[Posterior], rng: np.random.Generator) -> li
 
 def most_unexplained(parts: Sequence[Part], posterior: Posterior) -> Part | None:
     """The largest part that is not of the hypothesis itself."""
-    outside = unexplained(posterior)
-    return max((part for part in parts if of_another_pose(part, outside)), key=lambda one: one.count, default=None)
+    return max((part for part in parts if of_another_pose(part, posterior)), key=lambda one: one.count, default=None)
 
 
 def part_of_essential(
@@ -232,7 +231,7 @@ def parts_apart(posterior: Posterior, part: Part | None, missed: FloatArray) -> 
     found = planes_apart(posterior, outside, missed)
     if part is not None and part.essential is not None:
         same = part_of_essential(posterior, outside, part.essential, part.reach, part.lens)
-        found += [same] if of_another_pose(same, outside) else []
+        found += [same] if of_another_pose(same, posterior) else []
     return found
 
 
@@ -241,10 +240,16 @@ def belongs_to(posterior: Posterior, part: Part) -> bool:
     return 2 * int(np.count_nonzero(part.rows & ~unexplained(posterior))) > part.count
 
 
-def of_another_pose(part: Part, outside: BoolArray) -> bool:
-    """Whether it is a part of what is unexplained, larger than chance makes: else its pose is the hypothesis' own."""
+def of_another_pose(part: Part, posterior: Posterior) -> bool:
+    """Whether it is a part of what is unexplained, larger than chance makes: else its pose is the hypothesis' own.
+
+    Or the one with t the other way, which has all that is before the devices on its lines, but behind them.
+    """
+    outside = unexplained(posterior)
     fewest = max(FEWEST_OF_A_PART, SHARE_OF_A_PART * int(np.count_nonzero(outside)))
-    return int(np.count_nonzero(part.rows & outside)) >= fewest
+    level = posterior.fit.epipolar_noise.level
+    turned = outside & agreeing(posterior) & behind(posterior.pose, posterior.points, level)
+    return int(np.count_nonzero(part.rows & outside & ~turned)) >= fewest
 
 
 def sigma_of(points: TwoViewPoints) -> FloatArray:

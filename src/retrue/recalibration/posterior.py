@@ -27,7 +27,6 @@ from retrue.geometry.two_view import (
     solve_normal_equations,
     step_equations,
 )
-from retrue.recalibration.bows import BOWS
 from retrue.recalibration.chance import without_chance
 from retrue.recalibration.fit import (
     PoseFit,
@@ -39,99 +38,21 @@ from retrue.recalibration.fit import (
     same_pose,
     squared_sigmas,
 )
-from retrue.recalibration.lens import LENS_PARAMETERS, LensPrior
 from retrue.recalibration.likelihood import negative_log_likelihood, with_misfit
 from retrue.recalibration.measured import Measured
+from retrue.recalibration.parameters import LENSES, Parameters, Prior
 
-LENSES = 2 * LENS_PARAMETERS
 SETTLED = 0.02  # of a squared standard deviation; after such a step about a sixtieth of that is left
 FLAT = 0.02  # of chi-square: what a damped step gains along a valley where nothing more is to be told
 SLOW = 0.3  # of the noise, that neighbours share
 EASING = 8
 WITHIN = 5.0  # sigma
 MUCH_DAMPING, LARGEST_DAMPING = 0.3, 1e6
+LONG = 1.0  # of a squared standard deviation: a step that damping would make many of
+NEARBY, SHARES = 0.05, (1.0, 0.5, 0.25)  # of a step
 
 if TYPE_CHECKING:
     from retrue.recalibration.parts import Part
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class Parameters:
-    """All unknowns.
-
-    Attributes
-    ----------
-    pose : R, unit t, planes.
-    lens : (8,) changes of both lenses, see `lens`.
-    bows : (P, B) of the planes, in units of `flatness`.
-    """
-
-    pose: TwoViewPose
-    lens: FloatArray
-    bows: FloatArray
-
-    @classmethod
-    def of(cls, pose: TwoViewPose, lens: FloatArray | None = None) -> Parameters:
-        """A pose seen through the rig's own lenses, or changed ones; planes flat."""
-        return cls(pose, np.zeros(LENSES) if lens is None else lens, np.zeros((len(pose.planes), BOWS)))
-
-    def without_planes(self, gone: BoolArray) -> Parameters:
-        """The same without those planes (P,)."""
-        return replace(self, pose=replace(self.pose, planes=self.pose.planes[~gone]), bows=self.bows[~gone])
-
-    def moved(self, step: FloatArray) -> Parameters:
-        """By a step of the pose and planes (5 + 3 P), the lenses (8) and the bows (B P)."""
-        size = POSE_PARAMETERS + 3 * len(self.pose.planes)
-        return Parameters(
-            self.pose.moved(step[:size]),
-            self.lens + step[size : size + LENSES],
-            self.bows + step[size + LENSES :].reshape(self.bows.shape),
-        )
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class PosePrior:
-    """What is known of the pose beforehand.
-
-    Attributes
-    ----------
-    pose : R and unit t; its planes do not matter.
-    precision : (5, 5) inverse covariance, see `pose_covariance`.
-    """
-
-    pose: TwoViewPose
-    precision: FloatArray
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class Prior:
-    """What is known beforehand.
-
-    Attributes
-    ----------
-    lens : of the lenses.
-    free : whether the points may move the lenses. Else those stay as they are, and widen the covariance: what a real
-        lens leaves over is larger than the noise of many points, and would be taken for a change.
-    pose : of the pose, where an old one is asked about.
-    kept : (8, 8) second moment of what lenses that stay are off by, given what the points say of them; None: as the
-        prior has it.
-    together : (5, 8) how the rig's own pose goes with errors of the lenses calibrated with it; None where it does not.
-    """
-
-    lens: LensPrior
-    free: bool = False
-    pose: PosePrior | None = None
-    kept: FloatArray | None = None
-    together: FloatArray | None = None
-
-    def cost(self, parameters: Parameters) -> float:
-        """Squared Mahalanobis length of the parameters in it."""
-        lens, bows = parameters.lens, parameters.bows
-        cost = float(lens @ self.lens.precision @ lens) + float(np.vdot(bows, bows))
-        if self.pose is not None:
-            difference = pose_difference(parameters.pose, self.pose.pose)
-            cost += float(difference @ self.pose.precision @ difference)
-        return cost
 
 
 @dataclass(frozen=True, eq=False)
@@ -217,8 +138,8 @@ class Posterior:
         if self.prior.free:
             pose_and_lenses = np.concatenate([np.arange(POSE_PARAMETERS), self.own_and_lens[1]])
             joint = inverse_information(self.information)[np.ix_(pose_and_lenses, pose_and_lenses)]
-            joint[:POSE_PARAMETERS, :POSE_PARAMETERS] = self.covariance
-            return joint
+            scale = np.where(np.arange(len(joint)) < POSE_PARAMETERS, np.sqrt(COVARIANCE_FACTOR), 1.0)
+            return joint * np.outer(scale, scale)
         cross = self.follows @ self._kept
         return np.block([[self.statistical_covariance + cross @ self.follows.T, cross], [cross.T, self._kept]])
 
@@ -327,11 +248,25 @@ class Posterior:
         """Of a Levenberg-Marquardt iteration, and its squared length in sigma; lenses that are not free stay."""
         information, gradient = self._equations_of_a_step
         step = solve_normal_equations(information, -gradient, damping)
-        length = float(step @ information @ step)
-        if not self.prior.free:
-            first = POSE_PARAMETERS + 3 * len(self.pose.planes)
-            step = np.concatenate([step[:first], np.zeros(LENSES), step[first:]])
-        return step, length
+        return self._of_all(step), float(step @ information @ step)
+
+    def bend(self, step: FloatArray) -> FloatArray:
+        """By how much the valley bends along a step d: a = -A^-1 J^T W r'', with r'' the residuals' second derivative.
+
+        The way down is d s + a s^2 / 2, the geodesic (Transtrum and Sethna 2012, arXiv:1201.5885).
+        """
+        there = [self.parameters.moved(sign * NEARBY * step) for sign in (1, -1)]
+        ahead, back = (posterior_at(self.measured, one, self.prior).fit.found.both for one in there)
+        second = np.nan_to_num((ahead - 2 * self.fit.found.both + back) / NEARBY**2)
+        bows, turns = self.measured.bowed(self.parameters.bows), self.turns if self.prior.free else NO_TURNS
+        found = replace(self.fit.found, both=np.ascontiguousarray(second))
+        _, gradient = step_equations(self.pose, self.points, self.fit.weights, found, turns, bows)
+        return self._of_all(solve_normal_equations(self._equations_of_a_step[0], -gradient))
+
+    def _of_all(self, step: FloatArray) -> FloatArray:
+        """Of all parameters, lenses that stay among them."""
+        first = POSE_PARAMETERS + 3 * len(self.pose.planes)
+        return step if self.prior.free else np.concatenate([step[:first], np.zeros(LENSES), step[first:]])
 
 
 def same_answer(best: Posterior, pose: TwoViewPose) -> bool:
@@ -355,6 +290,8 @@ def improved(here: Posterior, iterations: int) -> Posterior:
             back = posterior_at(here.measured, moved.parameters.moved(moved.step(damping)[0]), here.prior)
             if fit_cost(back, here) < fit_cost(moved, here):
                 moved, gained = back, cost - fit_cost(back, here)
+        if not gained >= least and damping == 0 and length > LONG:  # or it bends all the way
+            moved, gained = _along_the_valley(here, step)
         if not gained >= least:
             damping, too_long = max(10 * damping, 1e-4), True
             if damping > LARGEST_DAMPING or length < SETTLED:
@@ -367,6 +304,18 @@ def improved(here: Posterior, iterations: int) -> Posterior:
         if settled:
             break
     return here
+
+
+def _along_the_valley(here: Posterior, step: FloatArray) -> tuple[Posterior, float]:
+    """The furthest place down a valley that bends, of whole, half and quarter steps; and what it gains."""
+    cost, bend = fit_cost(here, here), here.bend(step)
+    moved, gained = here, -np.inf
+    for share in SHARES:
+        moved = posterior_at(here.measured, here.parameters.moved(share * step + share**2 / 2 * bend), here.prior)
+        gained = cost - fit_cost(moved, here)
+        if gained > 0:
+            break
+    return moved, gained
 
 
 def fit_cost(fit: Posterior, reference: Posterior) -> float:

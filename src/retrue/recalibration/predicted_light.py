@@ -48,6 +48,11 @@ def predicted_light(rig: Rig, candidate: PoseCandidate, points: Correspondences)
 
 
 def in_the_cameras_curve(measured: FloatArray, predicted: FloatArray) -> FloatArray:
-    """The prediction as the camera's curve shows it, the one that fits best, around what was measured; (N,)."""
+    """The prediction as the camera's curve shows it, the one that fits best, around what was measured; (N,).
+
+    NaN of a pose that has all of the surface turned away from the projector.
+    """
+    if not np.isfinite(measured - predicted).any():
+        return np.full(len(measured), np.nan)
     shown = [gamma * predicted + np.nanmedian(measured - gamma * predicted) for gamma in GAMMAS]
     return min(shown, key=lambda curve: float(np.nanmedian(np.abs(measured - curve))))

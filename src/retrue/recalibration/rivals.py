@@ -19,7 +19,7 @@ from retrue.recalibration.candidates import same_pose, twins_of
 from retrue.recalibration.chance import CHANCE, beyond_chance
 from retrue.recalibration.light import light_costs, log_irradiance
 from retrue.recalibration.measured import MISFIT_PX
-from retrue.recalibration.parts import A_COPY, Part, of_another_pose, unexplained
+from retrue.recalibration.parts import A_COPY, Part, of_another_pose
 from retrue.recalibration.posterior import Measured, Posterior, posterior_at, same_answer
 from retrue.recalibration.rays import Rays
 from retrue.rig import Rig
@@ -105,8 +105,7 @@ def explained_costs(posterior: Posterior, floor: Floor, asides: Sequence[Part]) 
     plane = posterior.points.plane_index
     counts = np.bincount(plane[(plane != FREE) & (posterior.fit.robust_weights[1] > 0)], minlength=1)
     price = posterior.prior_cost + 3 * PARAMETER * int(np.count_nonzero(counts >= FEWEST_OF_A_PLANE))
-    outside = unexplained(posterior)
-    foreign = [other for other in asides if of_another_pose(other, outside)]
+    foreign = [other for other in asides if of_another_pose(other, posterior)]
     worthy = [other for other in (*posterior.parts, *foreign) if found[other.rows].clip(0.0).sum() > price_of(other)]
     left = [(other, _costs_of_part(other, posterior, floor)) for other in worthy]
     parts = list[tuple[float, BoolArray]]()

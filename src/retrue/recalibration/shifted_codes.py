@@ -9,7 +9,7 @@ import numpy as np
 
 from retrue.geometry.arrays import BoolArray, FloatArray, IntArray
 from retrue.geometry.robust import CUTOFF, biweight_level
-from retrue.geometry.two_view import epipolar_residuals
+from retrue.geometry.two_view import FREE, TwoViewPoints, behind, epipolar_residuals
 from retrue.recalibration.lens import LENS_PARAMETERS, changed_device
 from retrue.recalibration.parts import A_COPY, FEWEST_OF_A_PART, LOUD, MOST_COPIES, SHARE_OF_A_PART, Part
 from retrue.recalibration.posterior import Posterior
@@ -23,13 +23,16 @@ def shifted_codes(posterior: Posterior, outside: BoolArray) -> list[Part]:
     """Parts of those points that one shift d of the projector's pixels explains: periods that a code is off by.
 
     Each misses its line by r(p), and r(p - d) ~ r - g d with its gradient g: two points tell a shift, and that of most
-    is it. Where lines are parallel, what is along them is not told, and none.
+    is it. Where lines are parallel, what is along them is not told, and none. What lies on its line as it stands was
+    not shifted, but is behind a device; and so is nothing that was.
     """
     found, fewest = list[Part](), max(FEWEST_OF_A_PART, SHARE_OF_A_PART * int(np.count_nonzero(outside)))
-    rows, reach = np.flatnonzero(outside), CUTOFF * posterior.fit.epipolar_noise.total
+    reach = CUTOFF * posterior.fit.epipolar_noise.total
+    rows = np.flatnonzero(outside & ~(np.abs(epipolar_residuals(posterior.pose, posterior.points)) < reach))
     while len(rows) >= fewest and len(found) < MOST_COPIES:
-        missed = _missed(posterior, rows, _shift_of_most(posterior, rows, reach))
-        near = np.abs(missed) < reach
+        back = _moved_back(posterior, rows, _shift_of_most(posterior, rows, reach))
+        missed = epipolar_residuals(posterior.pose, back)
+        near = (np.abs(missed) < reach) & ~behind(posterior.pose, back, posterior.fit.epipolar_noise.level)
         own = missed[near, None]
         level = biweight_level(own.ravel())
         if np.count_nonzero(near) < fewest or not level < LOUD * posterior.fit.epipolar_noise.level:
@@ -53,18 +56,22 @@ def _shift_of_most(posterior: Posterior, rows: IntArray, reach: float) -> FloatA
     drawn = np.unique(np.linspace(0, len(rows) - 1, DRAWN).astype(int))
     pairs = np.array(list(combinations(drawn.tolist(), 2)))
     shifts = np.linalg.pinv(gradient[pairs], rcond=PARALLEL) @ missed[pairs][..., None]
-    near = np.abs(missed - shifts[..., 0] @ gradient.T) < reach
-    shift = shifts[int(np.argmax(near.sum(axis=1))), :, 0]
-    for _ in range(REFINED):  # lines and lenses bend over a large shift
-        left = _missed(posterior, rows, shift)
-        near = np.abs(left) < 2 * reach
-        shift = shift + np.linalg.pinv(gradient[near], rcond=PARALLEL) @ left[near]
+    agree = np.abs(missed - shifts[..., 0] @ gradient.T) < reach
+    most = int(np.argmax(agree.sum(axis=1)))
+    shift, near = shifts[most, :, 0], agree[most]
+    for _ in range(REFINED):  # lines and lenses bend over a large shift, and all of them may miss their lines by that
+        shift = shift + np.linalg.pinv(gradient[near], rcond=PARALLEL) @ _missed(posterior, rows[near], shift)
+        near = np.abs(_missed(posterior, rows, shift)) < 2 * reach
     return shift
 
 
 def _missed(posterior: Posterior, rows: IntArray, shift: FloatArray) -> FloatArray:
     """(rows,) by how much those points miss their lines, moved back by that shift, in their sigma."""
+    return epipolar_residuals(posterior.pose, _moved_back(posterior, rows, shift))
+
+
+def _moved_back(posterior: Posterior, rows: IntArray, shift: FloatArray) -> TwoViewPoints:
     device = changed_device(posterior.measured.rig.projector, posterior.parameters.lens[LENS_PARAMETERS:])
     points = posterior.points.select(rows)
     back = device.unproject(posterior.measured.projector_px[rows] - shift)
-    return epipolar_residuals(posterior.pose, replace(points, projector_rays=back))
+    return replace(points, projector_rays=back, plane_index=np.full(len(rows), FREE))

@@ -8,7 +8,8 @@ import numpy as np
 
 from retrue.geometry.arrays import FloatArray
 from retrue.geometry.two_view import PARAMETERS, POSE_PARAMETERS, normal_blocks
-from retrue.recalibration.posterior import LENSES, Posterior
+from retrue.recalibration.parameters import LENSES
+from retrue.recalibration.posterior import Posterior
 
 WAVES = 3  # along each side: half waves 0, 1 and 2
 LENGTHS = (0.25, 0.75)  # over which it changes, of the picture's extent

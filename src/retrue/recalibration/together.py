@@ -19,7 +19,8 @@ from retrue.geometry.arrays import FloatArray
 from retrue.recalibration.fit import Support, own_pose
 from retrue.recalibration.lens import LensPrior
 from retrue.recalibration.measured import Measured
-from retrue.recalibration.posterior import Parameters, Prior, posterior_at
+from retrue.recalibration.parameters import Parameters, Prior
+from retrue.recalibration.posterior import posterior_at
 from retrue.recalibration.rays import rays_of_captures
 from retrue.rig import Rig
 
