@@ -222,12 +222,14 @@ def judge(rig: Rig, captures: Sequence[Correspondences], options: RecalibrateOpt
             free = [fit for fit in free if fit not in known or much_quieter(fit, best)]
         certain = changed or photographs or curved.any() or free
         curved |= bool(free) or (not certain and hidden_by_planes(best, part, tight, wide, old))
+        if not curved.any() and bent is not None and not bent.margin >= 0 and not changed:
+            curved = curved_planes(bent.posterior)
+            if not curved.any():
+                bowed = curved_of(bent)
+                starts = [as_curved(fit.parameters, bowed) for fit in posteriors]
+                continue
         if not curved.any():
-            if bent is None or bent.margin >= 0 or changed:
-                break
-            bowed = curved_of(bent)
-            starts = [as_curved(fit.parameters, bowed) for fit in posteriors]
-            continue
+            break
         rays, few, homographies = _without_planes(curved, rays, few, homographies)
         bowed = bowed[~curved]
         starts = [fit.parameters.without_planes(curved) for fit in posteriors]

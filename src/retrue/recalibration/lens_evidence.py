@@ -16,13 +16,12 @@ from retrue.geometry.two_view import POSE_PARAMETERS, TwoViewPose
 from retrue.recalibration.bows import BOWS, bow_shapes
 from retrue.recalibration.candidates import behind, same_pose
 from retrue.recalibration.chance import beyond_chance
-from retrue.recalibration.copies import shifted_copies
 from retrue.recalibration.fit import BLOCKS
 from retrue.recalibration.hypotheses import drawn_in
 from retrue.recalibration.lens import FOCAL, LENS_PARAMETERS, LensPrior, scaled_starts
 from retrue.recalibration.measured import MISFIT_PX
 from retrue.recalibration.parameters import Parameters, Prior
-from retrue.recalibration.parts import LOUD, Part, unexplained
+from retrue.recalibration.parts import LOUD, Part
 from retrue.recalibration.posterior import Measured, Posterior, fit_posterior, posterior_at
 from retrue.recalibration.rivals import (
     SELDOM,
@@ -34,7 +33,6 @@ from retrue.recalibration.rivals import (
     price_of,
     total_costs,
 )
-from retrue.recalibration.shifted_codes import shifted_codes
 
 KNOWN_FOCAL = 0.01
 CHANGED_GAIN = 30.0  # of chi-square; eight parameters that nobody touched gain as much once in 5000 times
@@ -258,11 +256,7 @@ def _curved(measured: Measured, parameters: Parameters, degree: int) -> tuple[Me
 def _preferred(held: Posterior, free: Posterior, part: Part | None, price: float) -> float:
     costs, theirs = _joint_costs(held, held), _joint_costs(free, held)
     # The rivals of a changed lens: those points are copies, seen in a mirror, or moved, and as well known.
-    outside = unexplained(held)
-    copies = shifted_copies(held, outside)
-    left = outside & ~np.any([np.zeros_like(outside), *(copy.rows for copy in copies)], axis=0)
-    copies += shifted_codes(held, left)
-    parts = [(copy.rows, copy.seldom, price_of(copy)) for copy in copies]
+    parts = [(one.rows, one.seldom, price_of(one)) for one in held.parts]
     parts += [(rows, 1.0, PART_PRICE) for rows in (held.measured.aside, part and part.rows) if rows is not None]
     for rows, seldom, own_price in parts:
         gained = np.maximum(costs[rows] - theirs[rows] - seldom * SELDOM, 0.0)

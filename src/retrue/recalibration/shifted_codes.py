@@ -30,7 +30,10 @@ def shifted_codes(posterior: Posterior, outside: BoolArray) -> list[Part]:
     reach = CUTOFF * posterior.fit.epipolar_noise.total
     rows = np.flatnonzero(outside & ~(np.abs(epipolar_residuals(posterior.pose, posterior.points)) < reach))
     while len(rows) >= fewest and len(found) < MOST_COPIES:
-        back = _moved_back(posterior, rows, _shift_of_most(posterior, rows, reach))
+        shift = _shift_of_most(posterior, rows, reach, fewest)
+        if shift is None:
+            break
+        back = _moved_back(posterior, rows, shift)
         missed = epipolar_residuals(posterior.pose, back)
         near = (np.abs(missed) < reach) & ~behind(posterior.pose, back, posterior.fit.epipolar_noise.level)
         own = missed[near, None]
@@ -45,24 +48,36 @@ def shifted_codes(posterior: Posterior, outside: BoolArray) -> list[Part]:
     return found
 
 
-def _shift_of_most(posterior: Posterior, rows: IntArray, reach: float) -> FloatArray:
-    """(2,) px; `reach`, how far from its line a point may be."""
+def _shift_of_most(posterior: Posterior, rows: IntArray, reach: float, fewest: float) -> FloatArray | None:
+    """(2,) px; `reach`, how far from its line a point may be; None where far fewer than so many agree on one."""
     missed = _missed(posterior, rows, np.zeros(2))
     gradient = np.stack([missed - _missed(posterior, rows, step) for step in np.eye(2)], axis=1)
     seen = np.isfinite(gradient).all(axis=1)  # a lens may not map a pixel beside its picture
     rows, missed, gradient = rows[seen], missed[seen], gradient[seen]
-    if len(rows) < 2:
-        return np.zeros(2)
-    drawn = np.unique(np.linspace(0, len(rows) - 1, DRAWN).astype(int))
-    pairs = np.array(list(combinations(drawn.tolist(), 2)))
-    shifts = np.linalg.pinv(gradient[pairs], rcond=PARALLEL) @ missed[pairs][..., None]
-    agree = np.abs(missed - shifts[..., 0] @ gradient.T) < reach
-    most = int(np.argmax(agree.sum(axis=1)))
-    shift, near = shifts[most, :, 0], agree[most]
+    drawn = np.unique(np.linspace(0, len(rows) - 1, DRAWN).astype(int)) if len(rows) else rows
+    one, other = np.array(list(combinations(drawn.tolist(), 2)), dtype=np.int64).reshape(-1, 2).T
+    shifts = _shift_of_two(gradient[one], gradient[other], missed[one], missed[other])
+    agree = np.abs(missed - shifts @ gradient.T) < reach
+    counts = agree.sum(axis=1)
+    if not counts.max(initial=0) >= fewest / 2:  # else some may be brought near
+        return None
+    most = int(np.argmax(counts))
+    shift, near = shifts[most], agree[most]
     for _ in range(REFINED):  # lines and lenses bend over a large shift, and all of them may miss their lines by that
         shift = shift + np.linalg.pinv(gradient[near], rcond=PARALLEL) @ _missed(posterior, rows[near], shift)
         near = np.abs(_missed(posterior, rows, shift)) < 2 * reach
     return shift
+
+
+def _shift_of_two(a: FloatArray, b: FloatArray, r: FloatArray, s: FloatArray) -> FloatArray:
+    """(N, 2) the smallest d with a d = r and b d = s: (A^T A + e I)^-1 A^T (r, s), e only where lines are parallel."""
+    xx, xy = a[:, 0] ** 2 + b[:, 0] ** 2, a[:, 0] * a[:, 1] + b[:, 0] * b[:, 1]
+    yy = a[:, 1] ** 2 + b[:, 1] ** 2
+    right: FloatArray = a * r[:, None] + b * s[:, None]
+    least = PARALLEL**2 * (xx + yy) + 1e-300
+    xx, yy = xx + least, yy + least
+    x, y = yy * right[:, 0] - xy * right[:, 1], xx * right[:, 1] - xy * right[:, 0]
+    return np.stack([x, y], axis=1) / (xx * yy - xy * xy)[:, None]
 
 
 def _missed(posterior: Posterior, rows: IntArray, shift: FloatArray) -> FloatArray:
