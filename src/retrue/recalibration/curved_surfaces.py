@@ -14,13 +14,13 @@ import numpy as np
 from retrue.errors import DegenerateError
 from retrue.geometry.arrays import BoolArray
 from retrue.geometry.two_view import FREE, TwoViewPose
+from retrue.recalibration.doubtful_planes import MOST_BOW
 from retrue.recalibration.lens_evidence import CURVED, untold_misfit
 from retrue.recalibration.parameters import Parameters, Prior
 from retrue.recalibration.posterior import Measured, Posterior, fit_posterior, posterior_at, same_answer
 from retrue.recalibration.rivals import Rival, least, move_deg, move_nats, total_costs
 
 ITERATIONS = 10
-CLEARLY = 3.5  # of the usual bow of a wall
 GAIN = 12.0  # of chi-square: a first step that gains less leads to no rival
 STRAY = 0.05  # of the points of planes, which no step is led by
 
@@ -50,7 +50,7 @@ def curved_rival(best: Posterior, old: TwoViewPose) -> Rival | None:
 def curved_of(rival: Rival) -> BoolArray:
     """(P,) which of its planes are curved: more than walls are, or the most."""
     bows = np.abs(rival.posterior.parameters.bows).max(axis=1) * CURVED
-    return bows >= min(CLEARLY, float(bows.max()))
+    return bows >= min(MOST_BOW, float(bows.max()))
 
 
 def with_curved(measured: Measured, planes: BoolArray) -> Measured:

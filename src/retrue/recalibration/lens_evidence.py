@@ -42,9 +42,7 @@ FARTHEST = 3.0  # wide sigma that a lens changes by
 CURVED = 30.0  # times as bowed as planes are: balls, pipes, faces
 DEGREES = 2, 3  # of what is curved: one bend, or one that turns
 ROUGHER = 1.2  # along the epipolar line than across it: what a plane leaves is alike
-BELIEVED_BLOCKS = (
-    BLOCKS**2
-)  # as much as of one picture is the misfit of real lenses believed: they differ, and may have none
+BELIEVED_BLOCKS = BLOCKS**2  # one picture's, that the misfit of real lenses is believed as much as: some have none
 PART_PRICE = 60.0  # of chi-square: five free parameters, and the choice of points
 
 

@@ -8,6 +8,7 @@ from itertools import combinations
 import numpy as np
 
 from retrue.geometry.arrays import BoolArray, FloatArray, IntArray
+from retrue.geometry.camera import Camera
 from retrue.geometry.robust import CUTOFF, biweight_level
 from retrue.geometry.two_view import FREE, TwoViewPoints, behind, epipolar_residuals
 from retrue.recalibration.lens import LENS_PARAMETERS, changed_device
@@ -27,13 +28,14 @@ def shifted_codes(posterior: Posterior, outside: BoolArray) -> list[Part]:
     not shifted, but is behind a device; and so is nothing that was.
     """
     found, fewest = list[Part](), max(FEWEST_OF_A_PART, SHARE_OF_A_PART * int(np.count_nonzero(outside)))
+    device = changed_device(posterior.measured.rig.projector, posterior.parameters.lens[LENS_PARAMETERS:])
     reach = CUTOFF * posterior.fit.epipolar_noise.total
     rows = np.flatnonzero(outside & ~(np.abs(epipolar_residuals(posterior.pose, posterior.points)) < reach))
     while len(rows) >= fewest and len(found) < MOST_COPIES:
-        shift = _shift_of_most(posterior, rows, reach, fewest)
+        shift = _shift_of_most(posterior, device, rows, reach, fewest)
         if shift is None:
             break
-        back = _moved_back(posterior, rows, shift)
+        back = _moved_back(posterior, device, rows, shift)
         missed = epipolar_residuals(posterior.pose, back)
         near = (np.abs(missed) < reach) & ~behind(posterior.pose, back, posterior.fit.epipolar_noise.level)
         own = missed[near, None]
@@ -48,10 +50,12 @@ def shifted_codes(posterior: Posterior, outside: BoolArray) -> list[Part]:
     return found
 
 
-def _shift_of_most(posterior: Posterior, rows: IntArray, reach: float, fewest: float) -> FloatArray | None:
+def _shift_of_most(
+    posterior: Posterior, device: Camera, rows: IntArray, reach: float, fewest: float
+) -> FloatArray | None:
     """(2,) px; `reach`, how far from its line a point may be; None where far fewer than so many agree on one."""
-    missed = _missed(posterior, rows, np.zeros(2))
-    gradient = np.stack([missed - _missed(posterior, rows, step) for step in np.eye(2)], axis=1)
+    missed = _missed(posterior, device, rows, np.zeros(2))
+    gradient = np.stack([missed - _missed(posterior, device, rows, step) for step in np.eye(2)], axis=1)
     seen = np.isfinite(gradient).all(axis=1)  # a lens may not map a pixel beside its picture
     rows, missed, gradient = rows[seen], missed[seen], gradient[seen]
     drawn = np.unique(np.linspace(0, len(rows) - 1, DRAWN).astype(int)) if len(rows) else rows
@@ -64,8 +68,8 @@ def _shift_of_most(posterior: Posterior, rows: IntArray, reach: float, fewest: f
     most = int(np.argmax(counts))
     shift, near = shifts[most], agree[most]
     for _ in range(REFINED):  # lines and lenses bend over a large shift, and all of them may miss their lines by that
-        shift = shift + np.linalg.pinv(gradient[near], rcond=PARALLEL) @ _missed(posterior, rows[near], shift)
-        near = np.abs(_missed(posterior, rows, shift)) < 2 * reach
+        shift = shift + np.linalg.pinv(gradient[near], rcond=PARALLEL) @ _missed(posterior, device, rows[near], shift)
+        near = np.abs(_missed(posterior, device, rows, shift)) < 2 * reach
     return shift
 
 
@@ -80,13 +84,13 @@ def _shift_of_two(a: FloatArray, b: FloatArray, r: FloatArray, s: FloatArray) ->
     return np.stack([x, y], axis=1) / (xx * yy - xy * xy)[:, None]
 
 
-def _missed(posterior: Posterior, rows: IntArray, shift: FloatArray) -> FloatArray:
+def _missed(posterior: Posterior, device: Camera, rows: IntArray, shift: FloatArray) -> FloatArray:
     """(rows,) by how much those points miss their lines, moved back by that shift, in their sigma."""
-    return epipolar_residuals(posterior.pose, _moved_back(posterior, rows, shift))
+    return epipolar_residuals(posterior.pose, _moved_back(posterior, device, rows, shift))
 
 
-def _moved_back(posterior: Posterior, rows: IntArray, shift: FloatArray) -> TwoViewPoints:
-    device = changed_device(posterior.measured.rig.projector, posterior.parameters.lens[LENS_PARAMETERS:])
+def _moved_back(posterior: Posterior, device: Camera, rows: IntArray, shift: FloatArray) -> TwoViewPoints:
+    """Those points with their pixels of the `device`, the projector through these lenses, moved back; on no plane."""
     points = posterior.points.select(rows)
     back = device.unproject(posterior.measured.projector_px[rows] - shift)
     return replace(points, projector_rays=back, plane_index=np.full(len(rows), FREE))
