@@ -1,8 +1,10 @@
 """Every command through its front door, on files that are as they should be."""
 
 import json
+import re
 import subprocess
 import sys
+from itertools import pairwise
 from pathlib import Path
 
 import cv2
@@ -10,6 +12,7 @@ import numpy as np
 import pytest
 
 from retrue import Correspondences, read_pattern, read_points, read_rig, write_points
+from retrue.cli.commands import EXAMPLES
 from retrue.files.ply import read_ply
 from retrue.geometry.transform import direction_angle, rotation_angle
 
@@ -29,6 +32,15 @@ def test_help(retrue, command):
     assert run.status == 0
     assert f"usage: retrue {command}" in run.out
     assert "--json" in run.out
+
+
+@pytest.mark.parametrize("command", EXAMPLES)
+def test_help_says_what_each_option_is(retrue, command):
+    lines = retrue(command, "--help").out.splitlines()
+    for option, below in pairwise(lines):
+        if named := re.match(r"│ --[\w-]+( \S+)? +(?=[│(])(.*)", option):
+            said = below.strip("│ ") if named[2] == "│" else named[2]
+            assert not said.startswith(("(default", "(required")), option
 
 
 def test_help_names_every_command(retrue):

@@ -13,14 +13,22 @@ class AcceptOptions:
 
     Attributes
     ----------
-    max_form : Largest probing error of form that is accepted; without it, it is only measured.
-    max_size : The same of size, either way.
-    max_spacing : The same of the spacing of two balls, either way.
-    max_flatness : The same of a plane's flatness.
-    diagonal : Body diagonal of the measuring volume, by which the guideline sizes artefacts.
-    fewest_points : Refuse a position with fewer points on the artefact, or on each of its balls.
-    cap_deg : Points of a ball count up to this angle between their normal and the line to the camera.
-    outliers_permille : Share of the points that form and flatness leave out.
+    max_form
+        Largest probing error of form that is accepted; without it, it is only measured.
+    max_size
+        The same of size, either way.
+    max_spacing
+        The same of the spacing of two balls, either way.
+    max_flatness
+        The same of a plane's flatness.
+    diagonal
+        Body diagonal of the measuring volume, by which the guideline sizes artefacts.
+    fewest_points
+        Refuse a position with fewer points on the artefact, or on each of its balls.
+    cap_deg
+        Points of a ball count up to this angle between their normal and the line to the camera.
+    outliers_permille
+        Share of the points that form and flatness leave out.
     """
 
     max_form: float | None = ranged(None, 0, above=True)

@@ -13,7 +13,8 @@ class CadOptions:
 
     Attributes
     ----------
-    cad_tolerance : How far points may lie from their surface, in the rig's unit; if not given, six sigma of noise.
+    cad_tolerance
+        How far points may lie from their surface, in the rig's unit; if not given, six sigma of noise.
     """
 
     cad_tolerance: float | None = ranged(None, 0, 1e12, above=True)

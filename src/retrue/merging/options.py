@@ -13,12 +13,17 @@ class MergeOptions:
 
     Attributes
     ----------
-    turntable : Number of views in one full turn, evenly spaced and in order; 0 for views by hand.
-    cell : Size of the cells that views are thinned to before they are aligned, in their unit; from their size,
-    unless given.
-    least_overlap : Two views are neighbours where at least this share of the smaller one lies on the other.
-    most_contradicted : And where no more than this share of either lies where the other saw through.
-    keep_standing : Keep also what stands still before the camera while the rest turns, such as a wall behind it.
+    turntable
+        Number of views in one full turn, evenly spaced and in order; 0 for views by hand.
+    cell
+        Size of the cells that views are thinned to before they are aligned, in their unit; from their size, unless
+        given.
+    least_overlap
+        Two views are neighbours where at least this share of the smaller one lies on the other.
+    most_contradicted
+        And where no more than this share of either lies where the other saw through.
+    keep_standing
+        Keep also what stands still before the camera while the rest turns, such as a wall behind it.
     """
 
     turntable: int = ranged(0, 0, 720)
