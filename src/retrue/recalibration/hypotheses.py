@@ -164,7 +164,7 @@ def drawn_in(measured: Measured, start: Parameters, prior: Prior) -> Parameters:
         robust = np.where(weights > 0, weights, 0.0) * np.where(weights > 0, variances, 0.0)
         step, length = replace(here, fit=replace(here.fit, robust_weights=robust)).step(0.0)
         start = start.moved(step)
-        if length < DRAWN_IN and reach <= floor:
+        if length < DRAWN_IN and (reach <= floor or reach == np.inf):  # which it stays, where most of them are silent
             break
     return start
 
