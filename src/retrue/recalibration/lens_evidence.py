@@ -54,7 +54,7 @@ class LensEvidence:
     ----------
     verdict : "checked": they hold; "unchecked": the points do not tell; "changed": they do not hold.
     change, sigma : (8,) log focal length, principal point (px), k1 of camera and projector, the lenses being free.
-    gain : of chi-square, lenses being free.
+    gain : of chi-square, lenses being free; of a change that is not clear, what a first step would.
     prior : what is believed of the rig's own lenses.
     kept : (8, 8) second moment of what the rig's own lenses are off by, given what the points say.
     posterior : with free lenses, where one was fitted.
@@ -108,13 +108,14 @@ def lens_evidence(
                 fits.append(fit_posterior(real, start, free, iterations))
         posterior = least(fits)
         others = tuple(fit for fit in fits if not same_pose(fit.pose, posterior.pose))
-        nearer = 2 * (move_nats(moved) - move_nats(move_deg(posterior.pose, old)))
-        gain = _gain(real, best, posterior, tight, part) + nearer
         change, covariance = posterior.parameters.lens, posterior.lens_covariance
     sigma = np.sqrt(np.diag(covariance))
     determined = bool((sigma[FOCAL] <= KNOWN_FOCAL).all())
     # The change itself must be as clear as what it gains: another fit, of whatever kind, is no proof of a lens.
     clear = float(change @ np.linalg.solve(covariance + tight.covariance, change))
+    if posterior is not None and clear > CHANGED_GAIN:
+        nearer = 2 * (move_nats(moved) - move_nats(move_deg(posterior.pose, old)))
+        gain = _gain(real, best, posterior, tight, part) + nearer
     verdict = "changed" if min(gain, clear) > CHANGED_GAIN else "checked" if determined else "unchecked"
     prior = _effective_prior(tight, sigma) if verdict == "checked" else tight
     left = _with_prior(told, prior)
