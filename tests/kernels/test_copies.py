@@ -51,3 +51,22 @@ def test_the_step_that_puts_a_point_where_it_is() -> None:
         np.testing.assert_allclose(moved / forth[:, 2:], places)
         assert (np.abs(angle) <= np.pi / 2).all()
         np.testing.assert_array_equal(np.abs(weights[axis]), inverse_depth)
+
+
+def test_the_shift_that_most_agree_with() -> None:
+    rng = np.random.default_rng(4)
+    gradient, right = rng.normal(size=(2, 40)), np.array([3.0, -5.0])
+    missed = right @ gradient + rng.normal(0, 0.01, 40)
+    missed[::3], missed[7] = rng.normal(0, 5, 14), np.nan
+    drawn = np.arange(1, 40, 3)
+    pairs = np.array([(i, j) for k, i in enumerate(drawn) for j in drawn[k + 1 :] if 7 not in (i, j)])
+    shifts = np.linalg.solve(gradient.T[pairs], missed[pairs][..., None])[..., 0]
+    counts = (np.abs(missed - shifts @ gradient) < 0.05).sum(axis=1)
+    for kernel in KERNELS:
+        shift, parallel = np.empty(2), np.empty(2)
+        assert kernel.shift_of_most(gradient, missed, drawn, 0.05, shift) == counts.max() > 20
+        np.testing.assert_allclose(shift, shifts[np.argmax(counts)], rtol=1e-6)
+        along = np.stack([np.zeros(40), gradient[1]])  # what nothing tells of is left as it is
+        assert kernel.shift_of_most(along, -5 * gradient[1], drawn, 0.05, parallel) == 40
+        np.testing.assert_allclose(parallel, [0, -5], atol=1e-6)
+        assert kernel.shift_of_most(gradient, missed, drawn[:1], 0.05, shift) == -1  # one tells none

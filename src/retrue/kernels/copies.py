@@ -9,6 +9,7 @@ INFINITY = cython.declare(cython.double, float("inf"))
 WIDER = cython.declare(cython.double, 1.001)  # than the reach, a strip is: rounding leaves nothing beyond the next
 SMALLEST = cython.declare(cython.double, 1e-300)
 NAN = cython.declare(cython.double, float("nan"))
+PARALLEL = cython.declare(cython.double, 1e-10)  # of the squares: what parallel lines tell of a shift along them
 
 
 def within_reach_of_mode(
@@ -91,3 +92,37 @@ def steps(
                 weights[axis, k] = w
                 relative[axis, k, 0] = log(hypot(x * scale, y * scale) + SMALLEST)
                 relative[axis, k, 1] = atan2(aside * scale, along * scale)
+
+
+def shift_of_most(
+    gradient: cython.const[cython.double][:, ::1],
+    missed: cython.const[cython.double][::1],
+    drawn: cython.const[cython.longlong][::1],
+    reach: cython.double,
+    shift: cython.double[::1],
+) -> cython.longlong:
+    """`shift` (2,) <- of those that two drawn rows ask for, the first that most agree with; how many do.
+
+    Rows n agree with d where missed (N,) is gradient (2, N) d to within reach. Two ask for the smallest d that is so of
+    both: (A^T A + e I)^-1 A^T (r, s), e only where the gradients are parallel.
+    """
+    cython.declare(i=cython.Py_ssize_t, j=cython.Py_ssize_t, k=cython.Py_ssize_t, count=cython.longlong)
+    most: cython.longlong = -1
+    shift[0], shift[1] = NAN, NAN
+    with cython.nogil:
+        for i in range(drawn.shape[0]):
+            for j in range(i + 1, drawn.shape[0]):
+                ax, ay, r = gradient[0, drawn[i]], gradient[1, drawn[i]], missed[drawn[i]]
+                bx, by, s = gradient[0, drawn[j]], gradient[1, drawn[j]], missed[drawn[j]]
+                xx, xy, yy = ax * ax + bx * bx, ax * ay + bx * by, ay * ay + by * by
+                least = PARALLEL * (xx + yy) + SMALLEST
+                right, down = ax * r + bx * s, ay * r + by * s
+                xx, yy = xx + least, yy + least
+                inverse = xx * yy - xy * xy
+                x, y = (yy * right - xy * down) / inverse, (xx * down - xy * right) / inverse
+                count = 0
+                for k in range(missed.shape[0]):
+                    count += fabs(missed[k] - (x * gradient[0, k] + y * gradient[1, k])) < reach
+                if count > most:
+                    most, shift[0], shift[1] = count, x, y
+    return most

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from itertools import combinations
 
 import numpy as np
 
@@ -11,6 +10,7 @@ from retrue.geometry.arrays import BoolArray, FloatArray, IntArray
 from retrue.geometry.camera import Camera
 from retrue.geometry.robust import CUTOFF, biweight_level
 from retrue.geometry.two_view import FREE, TwoViewPoints, behind, epipolar_residuals
+from retrue.kernels import copies as kernel
 from retrue.recalibration.lens import LENS_PARAMETERS, changed_device
 from retrue.recalibration.parts import A_COPY, FEWEST_OF_A_PART, LOUD, MOST_COPIES, SHARE_OF_A_PART, Part
 from retrue.recalibration.posterior import Posterior
@@ -55,33 +55,18 @@ def _shift_of_most(
 ) -> FloatArray | None:
     """(2,) px; `reach`, how far from its line a point may be; None where far fewer than so many agree on one."""
     missed = _missed(posterior, device, rows, np.zeros(2))
-    gradient = np.stack([missed - _missed(posterior, device, rows, step) for step in np.eye(2)], axis=1)
-    seen = np.isfinite(gradient).all(axis=1)  # a lens may not map a pixel beside its picture
-    rows, missed, gradient = rows[seen], missed[seen], gradient[seen]
-    drawn = np.unique(np.linspace(0, len(rows) - 1, DRAWN).astype(int)) if len(rows) else rows
-    one, other = np.array(list(combinations(drawn.tolist(), 2)), dtype=np.int64).reshape(-1, 2).T
-    shifts = _shift_of_two(gradient[one], gradient[other], missed[one], missed[other])
-    agree = np.abs(missed - shifts @ gradient.T) < reach
-    counts = agree.sum(axis=1)
-    if not counts.max(initial=0) >= fewest / 2:  # else some may be brought near
+    gradient = np.stack([missed - _missed(posterior, device, rows, step) for step in np.eye(2)])
+    seen = np.isfinite(gradient).all(axis=0)  # a lens may not map a pixel beside its picture
+    rows, missed, gradient = rows[seen], missed[seen], np.compress(seen, gradient, axis=1)
+    drawn = np.unique(np.linspace(0, len(rows) - 1, DRAWN).astype(np.int64)) if len(rows) else rows
+    shift = np.empty(2)
+    if not kernel.shift_of_most(gradient, missed, drawn, reach, shift) >= fewest / 2:  # else some may be brought near
         return None
-    most = int(np.argmax(counts))
-    shift, near = shifts[most], agree[most]
+    near = np.abs(missed - shift @ gradient) < reach
     for _ in range(REFINED):  # lines and lenses bend over a large shift, and all of them may miss their lines by that
-        shift = shift + np.linalg.pinv(gradient[near], rcond=PARALLEL) @ _missed(posterior, device, rows[near], shift)
+        shift = shift + np.linalg.pinv(gradient.T[near], rcond=PARALLEL) @ _missed(posterior, device, rows[near], shift)
         near = np.abs(_missed(posterior, device, rows, shift)) < 2 * reach
     return shift
-
-
-def _shift_of_two(a: FloatArray, b: FloatArray, r: FloatArray, s: FloatArray) -> FloatArray:
-    """(N, 2) the smallest d with a d = r and b d = s: (A^T A + e I)^-1 A^T (r, s), e only where lines are parallel."""
-    xx, xy = a[:, 0] ** 2 + b[:, 0] ** 2, a[:, 0] * a[:, 1] + b[:, 0] * b[:, 1]
-    yy = a[:, 1] ** 2 + b[:, 1] ** 2
-    right: FloatArray = a * r[:, None] + b * s[:, None]
-    least = PARALLEL**2 * (xx + yy) + 1e-300
-    xx, yy = xx + least, yy + least
-    x, y = yy * right[:, 0] - xy * right[:, 1], xx * right[:, 1] - xy * right[:, 0]
-    return np.stack([x, y], axis=1) / (xx * yy - xy * xy)[:, None]
 
 
 def _missed(posterior: Posterior, device: Camera, rows: IntArray, shift: FloatArray) -> FloatArray:
