@@ -189,19 +189,15 @@ def hidden(posterior: Posterior) -> BoolArray:
     if len(posterior.pose.planes) < 2 or not neighbours.size:
         return np.zeros(len(plane), dtype=np.bool_)
     there = (plane != FREE) & (posterior.fit.robust_weights > 0).all(axis=0)
-    x = np.column_stack([posterior.points.camera_rays, np.ones(len(plane))])
-    own = (x * posterior.pose.planes[np.maximum(plane, 0)]).sum(axis=1)
+    rows, which = np.nonzero(there[:, None] & there[neighbours] & (plane[neighbours] != plane[:, None]))
+    points, n = posterior.points.select(rows), posterior.pose.planes
+    apart = n[plane[neighbours[rows, which]]] - n[points.plane_index]
     # A disparity rho moves what the projector sees by about |t - y t3| / depth: its noise is that of a ray over it.
-    t, y = posterior.pose.t, posterior.points.projector_rays
+    t, x, y = posterior.pose.t, points.camera_rays, points.projector_rays
     parallax = np.maximum(np.hypot(t[0] - y[:, 0] * t[2], t[1] - y[:, 1] * t[2]), 1e-12)
-    sigma = np.hypot(posterior.points.camera_sigma, posterior.points.projector_sigma)
-    sigma = sigma * posterior.fit.along_noise.total / parallax
-    foreign = np.zeros(len(plane), dtype=np.int64)
-    for other in neighbours.T:
-        elsewhere = there & there[other] & (plane[other] != plane)
-        seen = (x * posterior.pose.planes[np.maximum(plane[other], 0)]).sum(axis=1)
-        foreign += elsewhere & (np.abs(seen - own) > APART * sigma)
-    return foreign >= 3
+    sigma = np.hypot(points.camera_sigma, points.projector_sigma) * posterior.fit.along_noise.total / parallax
+    foreign = np.abs(x[:, 0] * apart[:, 0] + x[:, 1] * apart[:, 1] + apart[:, 2]) > APART * sigma
+    return np.bincount(rows[foreign], minlength=len(plane)) >= 3
 
 
 def ranked(
