@@ -16,11 +16,12 @@ def test_rays_of_changed_lenses_and_how_they_turn(coefficients: int) -> None:
     device = Camera((1280, 960), [[1500, 2, 640], [0, 1490, 480], [0, 0, 1]], LENS[:coefficients])
     change = np.array([0.03, 4.0, -3.0, 0.02])
     pixels = np.random.default_rng(0).uniform([0, 0], [1280, 960], (30, 2))
-    both, found = (*lens_numbers(device, change), *lens_numbers(device, np.zeros(4))), []
+    own, moved, found = lens_numbers(device, np.zeros(4)), lens_numbers(device, change), []
     for kernel in (lenses, plain("lenses")):
         rays, turns, sigma = device.unproject(pixels), np.zeros((30, 2, 4)), np.ones(30)
-        kernel.move_rays(*both, pixels, rays, sigma)
-        kernel.turns_of_rays(*lens_numbers(device, change), rays, turns)
+        kernel.in_pixels(*own, rays, sigma)
+        kernel.move_rays(*moved, pixels, rays, sigma)
+        kernel.turns_of_rays(*moved, rays, turns)
         found.append((rays, turns, sigma))
     for compiled, uncompiled in zip(*found, strict=True):
         np.testing.assert_array_equal(compiled, uncompiled)
@@ -36,7 +37,7 @@ def test_rays_of_changed_lenses_and_how_they_turn(coefficients: int) -> None:
 def test_a_pixel_that_no_ray_maps_to_goes_far() -> None:
     device = Camera((100, 100), [[100, 0, 50], [0, 100, 50], [0, 0, 1]], [-1.0, 0, 0, 0, 0])
     rays = np.zeros((1, 2))
-    lenses.move_rays(*2 * lens_numbers(device, np.zeros(4)), np.array([[150.0, 50.0]]), rays, np.ones(1))
+    lenses.move_rays(*lens_numbers(device, np.zeros(4)), np.array([[150.0, 50.0]]), rays, np.ones(1))
     np.testing.assert_array_equal(rays, [[1e3, 1e3]])
 
 

@@ -145,30 +145,42 @@ def undistort(
                 rays[k, 0], rays[k, 1] = NAN, NAN
 
 
+def in_pixels(
+    K: cython.const[cython.double][:, ::1],
+    lens: cython.const[cython.double][::1],
+    rays: cython.const[cython.double][:, ::1],
+    sigma: cython.double[::1],
+) -> None:
+    """`sigma` (N,) of rays (N, 2) <- in pixels of the device, root |d pixel / d ray| of each."""
+    cython.declare(k=cython.Py_ssize_t)
+    with cython.nogil:
+        scale = K[0, 0] * K[1, 1]
+        for k in range(rays.shape[0]):
+            seen = _distort(lens, rays[k, 0], rays[k, 1])
+            sigma[k] *= sqrt(max(scale * (seen.a * seen.d - seen.b * seen.c), SMALLEST))
+
+
 def move_rays(
     K: cython.const[cython.double][:, ::1],
     lens: cython.const[cython.double][::1],
-    own_K: cython.const[cython.double][:, ::1],
-    own_lens: cython.const[cython.double][::1],
     pixels: cython.const[cython.double][:, ::1],
     rays: cython.double[:, ::1],
     sigma: cython.double[::1],
 ) -> None:
     """`rays` (N, 2), those of the pixels through the device's own lens, <- through another: Newton's method.
 
-    `lens` (12,) distorts, `K` is (3, 3). `sigma` (N,) of each ray is one of pixels: it shrinks where the other lens
-    magnifies more.
+    `lens` (12,) distorts, `K` is (3, 3). `sigma` (N,) <- of each ray, from that in pixels: it shrinks where the lens
+    magnifies.
     """
     cython.declare(k=cython.Py_ssize_t, m=cython.Py_ssize_t, first=cython.Py_ssize_t, taken=cython.Py_ssize_t)
     x, y = cython.declare(cython.double[16]), cython.declare(cython.double[16])
     at_x, at_y = cython.declare(cython.double[16]), cython.declare(cython.double[16])
-    before, error = cython.declare(cython.double[16]), cython.declare(cython.double[16])
+    error, determinant = cython.declare(cython.double[16]), cython.declare(cython.double[16])
     a, d = cython.declare(cython.double[16]), cython.declare(cython.double[16])
-    determinant = cython.declare(cython.double[16])
     going = cython.declare(cython.double[16])  # 1 or 0
     with cython.nogil:
         fx, skew, fy = K[0, 0], K[0, 1], K[1, 1]
-        own_scale, scale = own_K[0, 0] * own_K[1, 1], fx * fy
+        scale = fx * fy
         first = 0
         while first < pixels.shape[0]:
             taken = min(LOT, pixels.shape[0] - first)
@@ -177,9 +189,6 @@ def move_rays(
                 x[m], y[m], going[m] = rays[k, 0], rays[k, 1], 1.0
                 at_y[m] = (pixels[k, 1] - K[1, 2]) / fy
                 at_x[m] = (pixels[k, 0] - K[0, 2] - skew * at_y[m]) / fx
-            for m in range(LOT):
-                seen = _distort(own_lens, x[m], y[m])
-                before[m] = max(own_scale * (seen.a * seen.d - seen.b * seen.c), SMALLEST)
             for _ in range(STEPS):
                 for m in range(LOT):
                     u, v, moves, last = x[m], y[m], going[m], error[m]
@@ -205,7 +214,7 @@ def move_rays(
                 k = first + m
                 reached: cython.bint = error[m] < NEAR and determinant[m] > 0 and a[m] > 0 and d[m] > 0
                 rays[k, 0], rays[k, 1] = x[m] if reached else FAR, y[m] if reached else FAR
-                sigma[k] *= sqrt(before[m] / max(scale * determinant[m], SMALLEST))
+                sigma[k] /= sqrt(max(scale * determinant[m], SMALLEST))
             first += taken
 
 

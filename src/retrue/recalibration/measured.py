@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 
 import numpy as np
 
@@ -18,7 +19,7 @@ from retrue.rig import Rig
 MISFIT_PX = 0.04  # of a real lens from its model, shared by a part of the picture: no term of the model mends it
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@dataclass(frozen=True, eq=False)
 class Measured:
     """Matched pixels of all captures, and what does not change from one fit to the next.
 
@@ -65,11 +66,10 @@ class Measured:
         if not lens.any():
             return points
         rays = [points.camera_rays.copy(), points.projector_rays.copy()]
-        sigmas = [points.camera_sigma.copy(), points.projector_sigma.copy()]
+        sigmas = [sigma.copy() for sigma in self._sigmas_px]
         for index, (device, pixels) in enumerate(self._devices):
             change = lens[index * LENS_PARAMETERS : (index + 1) * LENS_PARAMETERS]
-            lenses = *lens_numbers(device, change), *lens_numbers(device, np.zeros(LENS_PARAMETERS))
-            kernel.move_rays(*lenses, pixels, rays[index], sigmas[index])
+            kernel.move_rays(*lens_numbers(device, change), pixels, rays[index], sigmas[index])
         return TwoViewPoints(rays[0], rays[1], sigmas[0], sigmas[1], points.plane_index)
 
     def turns(self, lens: FloatArray, rays: FloatArray) -> tuple[FloatArray, FloatArray]:
@@ -104,6 +104,16 @@ class Measured:
         blocks = np.stack([self.support.blocks[0], np.where(free, -1, self.support.blocks[1])])
         shapes = np.where(free[:, None], 0.0, self.shapes)
         return replace(self, support=Support(points, blocks), shapes=shapes)
+
+    @cached_property
+    def _sigmas_px(self) -> tuple[FloatArray, FloatArray]:
+        """(N,) each, of camera and projector: those of the rays in the pixels that they are of."""
+        points = self.support.points
+        sigmas = points.camera_sigma.copy(), points.projector_sigma.copy()
+        rays = points.camera_rays, points.projector_rays
+        for (device, _), there, sigma in zip(self._devices, rays, sigmas, strict=True):
+            kernel.in_pixels(*lens_numbers(device, np.zeros(LENS_PARAMETERS)), np.ascontiguousarray(there), sigma)
+        return sigmas
 
     @property
     def _devices(self) -> tuple[tuple[Camera, FloatArray], tuple[Camera, FloatArray]]:
