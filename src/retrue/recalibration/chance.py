@@ -10,7 +10,7 @@ import numpy as np
 
 from retrue.geometry.arrays import BoolArray, FloatArray, IntArray
 from retrue.geometry.nearest import nearest_of_all
-from retrue.geometry.robust import CUTOFF, count_between, silenced
+from retrue.geometry.robust import CUTOFF, count_between, quantile, silenced
 from retrue.geometry.two_view import FREE, Residuals, behind
 from retrue.recalibration.fit import PoseFit
 
@@ -58,10 +58,12 @@ def lined_up(relative: FloatArray) -> float:
     >>> lined_up(rows)
     40.0
     """
-    reach = max(float(np.median(np.abs(relative))), FAR)
-    sides = np.arange(AGREES, reach + 2 * AGREES, 2 * AGREES)
-    counts = [np.histogram(side * relative, sides)[0] for side in (1, -1)]
-    return float(np.max(counts))
+    distance = np.abs(relative)
+    windows = int(np.ceil((max(quantile(distance, 0.5), FAR) - AGREES) / (2 * AGREES)))
+    window = (distance - AGREES) / (2 * AGREES)
+    inside = np.flatnonzero((window >= 0) & (window < windows))
+    counts = np.bincount(window[inside].astype(np.int64) + windows * (relative[inside] > 0), minlength=1)
+    return float(counts.max())
 
 
 def beyond_chance(preferred: FloatArray) -> float:
