@@ -54,8 +54,8 @@ def _shift_of_most(
     posterior: Posterior, device: Camera, rows: IntArray, reach: float, fewest: float
 ) -> FloatArray | None:
     """(2,) px; `reach`, how far from its line a point may be; None where far fewer than so many agree on one."""
-    missed = _missed(posterior, device, rows, np.zeros(2))
-    gradient = np.stack([missed - _missed(posterior, device, rows, step) for step in np.eye(2)])
+    missed, *ahead = _missed(posterior, device, rows, np.eye(3, 2, -1))  # none, and one along either axis
+    gradient = missed - np.array(ahead)
     seen = np.isfinite(gradient).all(axis=0)  # a lens may not map a pixel beside its picture
     rows, missed, gradient = rows[seen], missed[seen], np.compress(seen, gradient, axis=1)
     drawn = np.unique(np.linspace(0, len(rows) - 1, DRAWN).astype(np.int64)) if len(rows) else rows
@@ -64,18 +64,23 @@ def _shift_of_most(
         return None
     near = np.abs(missed - shift @ gradient) < reach
     for _ in range(REFINED):  # lines and lenses bend over a large shift, and all of them may miss their lines by that
-        shift = shift + np.linalg.pinv(gradient.T[near], rcond=PARALLEL) @ _missed(posterior, device, rows[near], shift)
-        near = np.abs(_missed(posterior, device, rows, shift)) < 2 * reach
+        left = _missed(posterior, device, rows[near], shift[None])[0]
+        shift = shift + np.linalg.pinv(gradient.T[near], rcond=PARALLEL) @ left
+        near = np.abs(_missed(posterior, device, rows, shift[None])[0]) < 2 * reach
     return shift
 
 
-def _missed(posterior: Posterior, device: Camera, rows: IntArray, shift: FloatArray) -> FloatArray:
-    """(rows,) by how much those points miss their lines, moved back by that shift, in their sigma."""
-    return epipolar_residuals(posterior.pose, _moved_back(posterior, device, rows, shift))
+def _missed(posterior: Posterior, device: Camera, rows: IntArray, shifts: FloatArray) -> FloatArray:
+    """(S, rows) by how much those points miss their lines, moved back by each of S shifts (S, 2), in their sigma."""
+    each, by = np.tile(rows, len(shifts)), np.repeat(shifts, len(rows), axis=0)
+    return epipolar_residuals(posterior.pose, _moved_back(posterior, device, each, by)).reshape(len(shifts), -1)
 
 
 def _moved_back(posterior: Posterior, device: Camera, rows: IntArray, shift: FloatArray) -> TwoViewPoints:
-    """Those points with their pixels of the `device`, the projector through these lenses, moved back; on no plane."""
+    """Those points with their pixels of the `device`, the projector through these lenses, moved back; on no plane.
+
+    All by one shift (2,), or each by its own (rows, 2).
+    """
     points = posterior.points.select(rows)
     back = device.unproject(posterior.measured.projector_px[rows] - shift)
     return replace(points, projector_rays=back, plane_index=np.full(len(rows), FREE))
