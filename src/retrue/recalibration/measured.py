@@ -58,7 +58,7 @@ class Measured:
 
     def bowed(self, bows: FloatArray) -> PlaneBows:
         """Planes by those bows (P, B), and what share of its plane's disparity each moves a point by."""
-        return self.shapes * self.flatness, np.ascontiguousarray(bows)
+        return self._bends, np.ascontiguousarray(bows)
 
     def seen(self, lens: FloatArray) -> TwoViewPoints:
         """The rays through changed lenses (8,); their noise is one of pixels."""
@@ -104,6 +104,10 @@ class Measured:
         blocks = np.stack([self.support.blocks[0], np.where(free, -1, self.support.blocks[1])])
         shapes = np.where(free[:, None], 0.0, self.shapes)
         return replace(self, support=Support(points, blocks), shapes=shapes)
+
+    @cached_property
+    def _bends(self) -> FloatArray:
+        return self.shapes * self.flatness
 
     @cached_property
     def _sigmas_px(self) -> tuple[FloatArray, FloatArray]:

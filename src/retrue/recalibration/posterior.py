@@ -239,7 +239,7 @@ class Posterior:
         everything = np.arange(start + LENSES + self.parameters.bows.size)
         return np.delete(everything, slice(start, start + LENSES)), everything[start : start + LENSES]
 
-    @property
+    @cached_property
     def prior_cost(self) -> float:
         """Squared Mahalanobis length of the parameters in their priors."""
         return self.prior.cost(self.parameters)
