@@ -96,7 +96,7 @@ def light_costs(
     first, second = _neighbours(columns[:, 1:3])
     terms, precision = _shared_terms(columns[:, 1:3], columns[:, 3:5], light_class)
     measured, *wanted = np.nan_to_num(columns[first] - columns[second], nan=DARK)[:, [0, *range(5, columns.shape[1])]].T
-    pairs = _Pairs(measured, terms[first] - terms[second], precision, len(columns))
+    pairs = _Pairs(measured, np.take(terms, first, axis=1) - np.take(terms, second, axis=1), precision, len(columns))
     scatter = max(min(pairs.scatter(change) for change in wanted), SMALLEST_SCATTER)
     found = [min(pairs.cost(gamma * change, scatter) for gamma in GAMMAS) for change in wanted]
     return [min(none, left + LEFT_PRICE) for none, left in zip(found[::2], found[1::2], strict=True)]
@@ -115,7 +115,7 @@ class _Pairs:
     Attributes
     ----------
     measured : (P,).
-    terms : (P, K) differences of the shared terms.
+    terms : (K, P) differences of the shared terms.
     precision : (K,) of their coefficients, around zero.
     points : how many points the pairs are made of.
     """
@@ -148,13 +148,13 @@ class _Pairs:
     def _fitted(self, predicted: FloatArray, scatter: float, rounds: int) -> tuple[FloatArray, FloatArray]:
         """Residuals (P,) and coefficients (K,) by reweighted least squares."""
         target = self.measured - predicted
-        residual, coefficients = target, np.zeros(self.terms.shape[1])
+        residual, coefficients = target, np.zeros(len(self.terms))
         for _ in range(rounds):
             weights = self._share() / scatter**2 / (1 + (residual / (CAUCHY * scatter)) ** 2)
-            weighted = self.terms * weights[:, None]
-            information = weighted.T @ self.terms + np.diag(self.precision)
-            coefficients = cast(FloatArray, np.linalg.solve(information, weighted.T @ target))
-            residual = target - self.terms @ coefficients
+            weighted = self.terms * weights
+            information = weighted @ self.terms.T + np.diag(self.precision)
+            coefficients = cast(FloatArray, np.linalg.solve(information, weighted @ target))
+            residual = target - coefficients @ self.terms
         return residual, coefficients
 
 
@@ -190,9 +190,9 @@ def _merged(columns: FloatArray, light_class: IntArray, rng: np.random.Generator
 
 
 def _shared_terms(x: FloatArray, raster: FloatArray, light_class: IntArray) -> tuple[FloatArray, FloatArray]:
-    """Terms (N, K) that lenses, lamp and classes add, and the precision (K,) of their coefficients."""
+    """Terms (K, N) that lenses, lamp and classes add, and the precision (K,) of their coefficients."""
     terms = [raster[:, 0], raster[:, 1], (raster**2).sum(axis=1) / 2, -2 * np.log1p((x**2).sum(axis=1))]
     sigmas = [PROJECTOR_SLOPE] * 2 + [PROJECTOR_CURVE, CAMERA_FALL_OFF]
     classes = np.unique(light_class)[1:]
     terms += [np.asarray(light_class == one, dtype=np.float64) for one in classes]
-    return np.stack(terms, axis=1), 1 / np.array(sigmas + [CLASS_SIGMA] * len(classes)) ** 2
+    return np.stack(terms), 1 / np.array(sigmas + [CLASS_SIGMA] * len(classes)) ** 2
