@@ -43,6 +43,22 @@ def test_no_shared_part_is_seen_where_blocks_scatter_as_their_points_do() -> Non
     assert (variance == 4).all()
 
 
+def test_neighbouring_blocks_that_are_alike_tell_less() -> None:
+    rng, side = np.random.default_rng(5), 4
+    number = np.append(rng.uniform(0, 20, 2 * side**2), 0.0)
+    means = np.repeat([0.7, -0.9, 0.4, 0.8], 8) + rng.normal(0, 0.2, 2 * side**2)
+    total = np.append(number[:-1] * means, 0.0)
+    found = [kernel.alikeness(number, total, 1.1, side) for kernel in (robust, plain("robust"))]
+    assert found[0] == found[1] > 1
+    grid, known = means.reshape(2, side, side), number[:-1].reshape(2, side, side) > 3
+    beside = (grid[:, :, 1:] * grid[:, :, :-1])[known[:, :, 1:] & known[:, :, :-1]]
+    below = (grid[:, 1:] * grid[:, :-1])[known[:, 1:] & known[:, :-1]]
+    correlation, lag = np.append(beside, below).mean() / 1.1**2, np.arange(1, side)
+    assert found[0] == pytest.approx((1 + 2 * ((1 - lag / side) * correlation**lag).sum()) ** 2)
+    assert robust.alikeness(np.zeros(17), np.zeros(17), 1.0, 4) == 1  # none has a neighbour that tells
+    assert robust.alikeness(np.full(17, 9.0), np.full(17, 9.0), 0.5, 4) == pytest.approx(16)  # all are as one
+
+
 @pytest.mark.parametrize("share", [0.0, 0.25, 0.5, 1.0])
 def test_quantiles_are_those_of_numpy(share: float) -> None:
     for count in (1, 2, 3, 10, 101):

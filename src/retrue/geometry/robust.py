@@ -27,7 +27,6 @@ CONSISTENCY = 0.8924  # E[w r^2] / E[w] of a standard normal under that biweight
 COVARIANCE_FACTOR = 0.9651  # E[w] E[psi^2] / E[psi']^2 likewise: inverse information to covariance
 SMALLEST_LEVEL = 1e-9  # of the nominal sigma: exact points
 STEPS = 4
-FEWEST_OF_A_BLOCK = 3.0  # points that tell what it shares
 ENOUGH_VALUES = 4000  # to start from
 STRIPS = 64
 
@@ -192,32 +191,11 @@ def noises_and_weights(
     for values, level, mine, own, variance in zip(families, levels, blocks, weights, variances, strict=True):
         shared = cast("float", kernel.shared_part(values, level, CUTOFF, mine, number, total, own, variance))
         if shared > 0:
-            alikeness = _alikeness(number, total, shared, per_side)
+            alikeness = cast("float", kernel.alikeness(number, total, shared, per_side))
             noises.append(Noise(level, shared, level**2 + (variance - level**2) * alikeness, alikeness))
         else:
             noises.append(Noise(level, shared, variance))
     return noises, weights
-
-
-def _alikeness(number: FloatArray, total: FloatArray, shared: float, per_side: int) -> float:
-    """By how much the variance of a mean over a grid of blocks is larger than if their errors were independent.
-
-    Of a first-order autoregression along each side, with the correlation that neighbouring blocks show.
-    """
-    grid = (-1, per_side, per_side)
-    means = (total[:-1] / np.maximum(number[:-1], 1e-300)).reshape(grid)
-    known = (number[:-1] > FEWEST_OF_A_BLOCK).reshape(grid)
-    pairs = np.concatenate(
-        [
-            (means[:, 1:] * means[:, :-1])[known[:, 1:] & known[:, :-1]],
-            (means[:, :, 1:] * means[:, :, :-1])[known[:, :, 1:] & known[:, :, :-1]],
-        ]
-    )
-    if not len(pairs):
-        return 1.0
-    correlation = min(max(float(pairs.mean()) / shared**2, 0.0), 1.0)
-    lag = np.arange(1, per_side)
-    return (1 + 2 * float(((1 - lag / per_side) * correlation**lag).sum())) ** 2
 
 
 def within_reach_of_mode(places: FloatArray, centres: int, reach: float) -> BoolArray:

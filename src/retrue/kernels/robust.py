@@ -286,6 +286,37 @@ def shared_part(
     return sqrt(square)
 
 
+def alikeness(
+    number: cython.const[cython.double][::1],
+    total: cython.const[cython.double][::1],
+    shared: cython.double,
+    per_side: cython.Py_ssize_t,
+) -> cython.double:
+    """By how much the variance of a mean over grids of blocks is larger than if each erred by itself.
+
+    Of a first-order autoregression along each side, with the correlation of neighbouring blocks' means `total` over
+    `number` (G per_side^2 and one,), of those that have enough points, over `shared` squared.
+    """
+    cython.declare(k=cython.Py_ssize_t, lag=cython.Py_ssize_t, pairs=cython.Py_ssize_t)
+    products = 0.0
+    pairs = 0
+    for k in range(number.shape[0] - 1):
+        if number[k] > FEWEST:
+            mean = total[k] / number[k]
+            if (k + 1) % per_side != 0 and number[k + 1] > FEWEST:
+                products, pairs = products + mean * total[k + 1] / number[k + 1], pairs + 1
+            if (k // per_side + 1) % per_side != 0 and number[k + per_side] > FEWEST:
+                products, pairs = products + mean * total[k + per_side] / number[k + per_side], pairs + 1
+    if pairs == 0:
+        return 1.0
+    correlation = min(max(products / pairs / (shared * shared), 0.0), 1.0)
+    power, both = 1.0, 0.0
+    for lag in range(1, per_side):
+        power *= correlation
+        both += (1 - cython.cast(cython.double, lag) / per_side) * power
+    return (1 + 2 * both) * (1 + 2 * both)
+
+
 def loss(
     values: cython.const[cython.double][::1],
     level: cython.double,
