@@ -9,11 +9,10 @@ import numpy as np
 from retrue.errors import DegenerateError
 from retrue.geometry.arrays import BoolArray, FloatArray
 from retrue.geometry.two_view import POSE_PARAMETERS, solve_normal_equations
-from retrue.recalibration.bows import BOWS
+from retrue.recalibration.bows import BOWS, CURVED
 from retrue.recalibration.parameters import LENSES
 from retrue.recalibration.posterior import Posterior, fit_posterior
 
-LOOSE = 30.0  # times as bowed as walls are: curled paper, clapboards
 BENT = 16.3  # of chi-square with three degrees of freedom: a flat plane once in a thousand
 
 
@@ -28,11 +27,11 @@ def bent_planes(posterior: Posterior) -> BoolArray:
     nothing = np.zeros(count, dtype=np.bool_)
     if not count:
         return nothing
-    loose = replace(posterior.measured, flatness=LOOSE * posterior.measured.flatness)
-    flat = replace(posterior.parameters, bows=posterior.parameters.bows / LOOSE)
+    all_of_them = ~nothing
+    loose = replace(posterior.measured, curved=all_of_them)
     try:
-        bent = fit_posterior(loose, flat, posterior.prior, 6)
-        covariance = _of_bows(bent) + np.eye(BOWS * count) / LOOSE**2
+        bent = fit_posterior(loose, posterior.parameters.as_curved(all_of_them), posterior.prior, 6)
+        covariance = _of_bows(bent) + np.eye(BOWS * count) / CURVED**2
     except DegenerateError:
         return nothing
     bows, blocks = bent.parameters.bows, _diagonal_blocks(covariance, BOWS)

@@ -8,6 +8,7 @@ from retrue.geometry.arrays import FloatArray
 from retrue.geometry.two_view import FREE, TwoViewPoints
 
 BOWS = 3
+CURVED = 30.0  # times as bowed as walls are: balls, pipes, faces; curled paper, clapboards
 SCALES = np.geomspace(0.003, 3.7, 19)
 """Of the stated flatness, how far planes may be bowed: alike before the points speak; their mean square is 1."""
 

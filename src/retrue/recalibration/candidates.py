@@ -32,6 +32,7 @@ STARTING_PLANES = 3
 FOREMOST = 4  # hypotheses that are fitted with their lenses; the others explain much less
 SCORED_POINTS = 500
 MOST = 0.5  # of the points: a pose that fewer share may be held together by planes
+SEARCHES = 6  # with each noise, of poses that planes do not lead
 FEWEST_FREE = 30  # points off all planes, below which five points tell nothing that planes do not
 
 
@@ -180,6 +181,25 @@ def of_five_points(
         best = max(poses, key=lambda pose: -np.count_nonzero(behind(pose, few, 1.0)))
         found.append(_seen(best.R, best.t, homographies))
     return found
+
+
+def poses_of_no_plane(
+    support: Support, homographies: list[FloatArray], noises: tuple[float, float], rng: np.random.Generator
+) -> list[TwoViewPose]:
+    """The foremost of many samples of five points, refined as if no point lay on a plane; all planes seen from each.
+
+    What is curved or wrong may pass for planes, and lead every other start away; `noises` are of a match, as
+    `match_noise` has them. None where the points determine no such pose.
+    """
+    points = replace(support.points, plane_index=np.full(len(support.points), FREE))
+    everywhere, starts = np.arange(len(points)), list[TwoViewPose]()
+    for noise in noises * SEARCHES:
+        starts += of_five_points(points, everywhere, [], noise, rng)
+    try:
+        fits = refined_poses(starts, replace(support, points=points), rng)
+    except DegenerateError:
+        return []
+    return [_seen(fit.pose.R, fit.pose.t, homographies) for fit in foremost(fits, points)]
 
 
 def refined_poses(starts: list[TwoViewPose], support: Support, rng: np.random.Generator) -> list[PoseFit]:

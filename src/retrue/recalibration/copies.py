@@ -108,8 +108,8 @@ def copies_of_planes(posterior: Posterior, outside: BoolArray) -> list[Part]:
     right pose explains some of it, too.
     """
     plane = posterior.points.plane_index
-    if not posterior.measured.textured or not (plane != FREE).any():
-        return shifted_copies(posterior, outside)
+    if not posterior.measured.textured or not (plane != FREE).any():  # a pose may have copies on its lines
+        return shifted_copies(posterior, outside | (plane == FREE))
     largest = int(np.argmax(np.bincount(plane[plane != FREE])))
     found = shifted_copies(posterior, ~((plane == largest) & (posterior.fit.robust_weights[1] > 0)))
     known = np.any([~outside, *(one.rows for one in found)], axis=0)  # surfaces step by step hide what is none
@@ -124,8 +124,10 @@ def copies_explained(posterior: Posterior) -> list[Part]:
     explained = posterior.fit.explained
     loose = explained & (posterior.points.plane_index == FREE)
     fewest = max(FEWEST_OF_A_PART, int(ALIKE * np.count_nonzero(loose)))
-    found = posterior.parts if posterior.measured.textured else shifted_copies(posterior, loose)
-    return [part for part in found if part.name == A_COPY and (part.rows & explained).sum() >= fewest]
+    if not posterior.measured.textured:  # whole periods off to both sides, as many as led it are so together
+        found = shifted_copies(posterior, loose)
+        return found if sum(part.count for part in found) >= fewest else []
+    return [part for part in posterior.parts if part.name == A_COPY and (part.rows & explained).sum() >= fewest]
 
 
 def copies_seen_through(posterior: Posterior) -> list[Part]:

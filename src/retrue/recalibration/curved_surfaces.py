@@ -14,8 +14,9 @@ import numpy as np
 from retrue.errors import DegenerateError
 from retrue.geometry.arrays import BoolArray
 from retrue.geometry.two_view import FREE, TwoViewPose
-from retrue.recalibration.doubtful_planes import MOST_BOW
-from retrue.recalibration.lens_evidence import CURVED, untold_misfit
+from retrue.recalibration.bows import CURVED
+from retrue.recalibration.doubtful_planes import MOST_BOW, curved_planes
+from retrue.recalibration.lens_evidence import untold_misfit
 from retrue.recalibration.parameters import Parameters, Prior
 from retrue.recalibration.posterior import Measured, Posterior, fit_posterior, posterior_at, same_answer
 from retrue.recalibration.rivals import Rival, least, move_deg, move_nats, total_costs
@@ -34,10 +35,11 @@ def curved_rival(best: Posterior, old: TwoViewPose) -> Rival | None:
     """
     if not (len(best.pose.planes) and _may_gain(best)):
         return None
+    curved = np.ones(len(best.pose.planes), dtype=np.bool_)
     try:
-        bent = fit_posterior(*_bowed(best, CURVED), ITERATIONS)
+        bent = fit_posterior(*_with_free_lenses(best, curved), ITERATIONS)
         flattened = replace(best, parameters=replace(bent.parameters, bows=bent.parameters.bows * CURVED))
-        flat = least([fit_posterior(*_bowed(start, 1.0), ITERATIONS) for start in (best, flattened)])
+        flat = least([fit_posterior(*_with_free_lenses(start, ~curved), ITERATIONS) for start in (best, flattened)])
     except DegenerateError:
         return None
     costs = np.array(total_costs([bent, flat]))
@@ -53,15 +55,18 @@ def curved_of(rival: Rival) -> BoolArray:
     return bows >= min(MOST_BOW, float(bows.max()))
 
 
-def with_curved(measured: Measured, planes: BoolArray) -> Measured:
-    """The same where those planes (P,) may be curved."""
-    rows = np.append(planes, False)[measured.support.points.plane_index]  # the last is of points on none
-    return replace(measured, shapes=np.where(rows[:, None], CURVED * measured.shapes, measured.shapes))
-
-
-def as_curved(parameters: Parameters, planes: BoolArray) -> Parameters:
-    """The same place where those planes (P,) may be curved."""
-    return replace(parameters, bows=np.where(planes[:, None], parameters.bows / CURVED, parameters.bows))
+def surfaces_of(fit: Posterior, bent: BoolArray) -> BoolArray:
+    """(P,) which of those planes, as flat as walls before, are surfaces nevertheless, if they may be curved."""
+    if not bent.any():
+        return bent
+    known = np.zeros_like(bent) if fit.measured.curved is None else fit.measured.curved
+    try:
+        measured = replace(fit.measured, curved=known | bent)
+        curved = fit_posterior(measured, fit.parameters.as_curved(bent), fit.prior, ITERATIONS)
+        determined = bool(np.isfinite(curved.covariance).all())
+    except DegenerateError:
+        return np.zeros_like(bent)
+    return bent & ~curved_planes(curved) & determined
 
 
 def _may_gain(fit: Posterior) -> bool:
@@ -72,15 +77,14 @@ def _may_gain(fit: Posterior) -> bool:
     on = fit.points.plane_index != FREE
     if np.count_nonzero(on & ~(fit.fit.robust_weights[1] > 0)) > STRAY * np.count_nonzero(on):
         return True
-    measured, start, prior = _bowed(fit, CURVED)
+    measured, start, prior = _with_free_lenses(fit, np.ones(len(fit.pose.planes), dtype=np.bool_))
     alone = replace(measured, support=measured.support.each_alone())
     with suppress(DegenerateError):
         return posterior_at(alone, start, prior).step(0.0)[1] > GAIN
     return False
 
 
-def _bowed(fit: Posterior, curved: float) -> tuple[Measured, Parameters, Prior]:
-    """To fit the same with planes that are so many times as bowed, and free lenses."""
-    measured = fit.measured
-    measured = replace(measured, flatness=curved * measured.flatness, misfit=untold_misfit(measured))
-    return measured, replace(fit.parameters, bows=fit.parameters.bows / curved), replace(fit.prior, free=True)
+def _with_free_lenses(fit: Posterior, curved: BoolArray) -> tuple[Measured, Parameters, Prior]:
+    """To fit the same with those of its planes, which were flat, as curved surfaces, and free lenses."""
+    measured = replace(fit.measured, curved=curved, misfit=untold_misfit(fit.measured))
+    return measured, fit.parameters.as_curved(curved), replace(fit.prior, free=True)

@@ -14,7 +14,7 @@ from retrue.recalibration.candidates import FEWEST_FREE, MOST, of_five_points
 from retrue.recalibration.fit import carried, refine, squared_sigmas
 from retrue.recalibration.measured import MISFIT_PX
 from retrue.recalibration.parameters import Parameters, Prior
-from retrue.recalibration.parts import plane_around
+from retrue.recalibration.parts import A_COPY, plane_around
 from retrue.recalibration.posterior import Posterior, fit_posterior, improved, posterior_at
 from retrue.recalibration.result import sigma_at, working_distance
 
@@ -159,11 +159,14 @@ def better_without_planes(posterior: Posterior, noise: float, rng: np.random.Gen
 
 
 def _explains_more(alone: Posterior, posterior: Posterior) -> bool:
-    """Whether more points share the pose without planes, most of them, hardly louder. Copies of planes have another."""
+    """Whether more points share the pose without planes, most of them, hardly louder.
+
+    Copies of planes have another: of codes, where the plane has them in both axes.
+    """
     level = posterior.fit.epipolar_noise.level
     near = np.abs(epipolar_residuals(posterior.pose, posterior.points)) < CUTOFF * level
     aside = posterior.measured.aside
-    copies = [part.rows for part in posterior.parts if posterior.measured.textured and part.seldom < 1]
+    copies = [part.rows for part in posterior.parts if part.name == A_COPY and part.missed.shape[1] == 2]
     explained = int(np.count_nonzero(np.any([near if aside is None else near & ~aside, *copies], axis=0)))
     enough = max(explained + FEWEST_ELSEWHERE, MOST * len(near))
     return int(np.count_nonzero(alone.fit.explained)) >= enough and alone.fit.epipolar_noise.level < MUCH_LOUDER * level

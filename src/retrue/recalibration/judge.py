@@ -17,6 +17,7 @@ from retrue.recalibration.candidates import (
     check_spread,
     foremost,
     match_noise,
+    poses_of_no_plane,
     refined_poses,
     starting_poses,
     with_planes,
@@ -24,7 +25,7 @@ from retrue.recalibration.candidates import (
 from retrue.recalibration.consensus import quieter_majorities
 from retrue.recalibration.contradiction import MOST_DEVIATIONS, differing_capture
 from retrue.recalibration.copies import shifted_copy
-from retrue.recalibration.curved_surfaces import as_curved, curved_of, curved_rival, with_curved
+from retrue.recalibration.curved_surfaces import curved_of, curved_rival, surfaces_of
 from retrue.recalibration.doubtful_planes import (
     better_without_planes,
     curved_planes,
@@ -171,13 +172,13 @@ def judge(rig: Rig, captures: Sequence[Correspondences], options: RecalibrateOpt
     prior = Prior(wide, free=True) if options.lens == "may-have-changed" else Prior(tight)
     starts = [Parameters.of(fit.pose) for fit in foremost(fits, few.points)]
     light, bowed = light_of(rig, captures, few), np.zeros(len(homographies), dtype=np.bool_)
+    searched: list[Parameters] = []
     while True:
         measured = _measured(rig, captures, few, homographies, neighbours, options.flatness_sigma, photographs)
-        measured = with_curved(measured, bowed)
         lone = None  # small things of photographs show one match each, and no surface has a second of them
         if not photographs:
             lone = noise_of_planes(few.points, homographies, neighbours, plane_levels(measured))
-        measured = replace(measured, noise_shape=uneven, lone=lone)
+        measured = replace(measured, curved=bowed, noise_shape=uneven, lone=lone)
         hypotheses = hypotheses_of(measured, starts, prior, tight, homographies)
         posteriors = [one.better() for one in hypotheses]
         majorities = quieter_majorities(measured, posteriors, noise, local, prior, tight, homographies, rng)
@@ -198,13 +199,24 @@ def judge(rig: Rig, captures: Sequence[Correspondences], options: RecalibrateOpt
                 asides += more
                 best, rivals = ranked(compared, measured, few, light, old, asides, rng)
         part = most_unexplained(asides, best)
-        lens = lens_evidence(measured, homographies, best, part, tight, wide, old)
+        lens = lens_evidence(measured, homographies, best, part, tight, wide, old, searched)
+        if lens.verdict == "changed" and not searched:  # what was not found through the rig's own lenses, is no proof
+            poses = poses_of_no_plane(measured.support, homographies, (noise, local), rng)
+            searched = [Parameters.of(pose) for pose in poses]
+            if searched:
+                starts = [*(fit.parameters for fit in posteriors), *searched]
+                continue
         if (held := held_instead(lens, compared, asides)) is not None:
             lens = replace(lens, verdict="unchecked")
             if held is not best:
                 best, rivals = held, rivals_of(held, compared, measured, few, light, old, asides, rng)
         undecided = [best, *(rival.posterior for rival in rivals if rival.margin < 0)]  # each beats another in turn
         curved = np.all([curved_planes(fit) for fit in undecided], axis=0)
+        more = curved & ~bowed
+        if not photographs and lens.verdict != "changed" and (more := surfaces_of(best, more)).any():
+            bowed = bowed | more
+            starts = [fit.parameters.as_curved(more) for fit in posteriors]
+            continue
         if not curved.any():
             curved = misleading_plane(best, lens.kept)
         if photographs and not curved.any():
@@ -226,12 +238,12 @@ def judge(rig: Rig, captures: Sequence[Correspondences], options: RecalibrateOpt
             curved = curved_planes(bent.posterior)
             if not curved.any():
                 bowed = curved_of(bent)
-                starts = [as_curved(fit.parameters, bowed) for fit in posteriors]
+                starts = [fit.parameters.as_curved(bowed) for fit in posteriors]
                 continue
         if not curved.any():
             break
         rays, few, homographies = _without_planes(curved, rays, few, homographies)
-        bowed = bowed[~curved]
+        bowed, searched = bowed[~curved], [start.without_planes(curved) for start in searched]
         starts = [fit.parameters.without_planes(curved) for fit in posteriors]
         starts += [Parameters.of(fit.pose) for fit in free]
         # Those poses were of planes that are none, and what is curved often leaves two that differ by little.
@@ -252,9 +264,10 @@ def judge(rig: Rig, captures: Sequence[Correspondences], options: RecalibrateOpt
         prior = replace(prior, kept=lens.kept, together=follows)
     nobody = np.empty((len(rays), 0), dtype=np.int64)
     whole = _measured(rig, captures, rays, homographies, nobody, options.flatness_sigma, photographs)
-    whole = with_curved(whole, bowed)
     misfit = MISFIT_PX if photographs else 0.0  # of a projector's points, a slow error holds it
-    whole = replace(whole, aside=turned if turned.any() else None, misfit=misfit, noise_shape=uneven_of_all)
+    whole = replace(
+        whole, aside=turned if turned.any() else None, curved=bowed, misfit=misfit, noise_shape=uneven_of_all
+    )
     answer = posterior_at(whole, start, prior)
     others = parts_apart(answer, part, whole.homography_residuals)
     for other in others:
@@ -359,7 +372,15 @@ def _measured(
     missed = homography_residuals(rays.points, homographies)
     shapes = bow_shapes(rays.points)
     return Measured(
-        rig, camera_px, projector_px, Support.of(rays), shapes, flatness, neighbours, 0.0, missed, textured=textured
+        rig,
+        camera_px,
+        projector_px,
+        Support.of(rays),
+        shapes,
+        flatness,
+        neighbours,
+        homography_residuals=missed,
+        textured=textured,
     )
 
 

@@ -10,10 +10,10 @@ from typing import Literal
 import numpy as np
 
 from retrue.errors import DegenerateError
-from retrue.geometry.arrays import FloatArray
+from retrue.geometry.arrays import BoolArray, FloatArray
 from retrue.geometry.robust import biweight_loss
 from retrue.geometry.two_view import POSE_PARAMETERS, TwoViewPose
-from retrue.recalibration.bows import BOWS, bow_shapes
+from retrue.recalibration.bows import BOWS, CURVED, bow_shapes
 from retrue.recalibration.candidates import behind, same_pose
 from retrue.recalibration.chance import beyond_chance
 from retrue.recalibration.fit import BLOCKS
@@ -26,11 +26,13 @@ from retrue.recalibration.posterior import Measured, Posterior, fit_posterior, p
 from retrue.recalibration.rivals import (
     SELDOM,
     UNEXPLAINED,
+    anywhere_along,
     least,
     move_deg,
     move_nats,
     plane_levels,
     price_of,
+    scattered,
     total_costs,
 )
 
@@ -39,7 +41,6 @@ CHANGED_GAIN = 30.0  # of chi-square; eight parameters that nobody touched gain 
 DOUBTFUL_GAIN = 9.0
 FAR_MOVE_DEG = 10.0
 FARTHEST = 3.0  # wide sigma that a lens changes by
-CURVED = 30.0  # times as bowed as planes are: balls, pipes, faces
 DEGREES = 2, 3  # of what is curved: one bend, or one that turns
 ROUGHER = 1.2  # along the epipolar line than across it: what a plane leaves is alike
 BELIEVED_BLOCKS = BLOCKS**2  # one picture's, that the misfit of real lenses is believed as much as: some have none
@@ -79,8 +80,12 @@ def lens_evidence(
     tight: LensPrior,
     wide: LensPrior,
     old: TwoViewPose,
+    searched: Sequence[Parameters] = (),
 ) -> LensEvidence:
-    """Fit again with free lenses where that could gain something; else what it would say is at hand."""
+    """Fit again with free lenses where that could gain something; else what it would say is at hand.
+
+    The same through the rig's own lenses begins at the best, where free ones lead, and at what was `searched`.
+    """
     real = replace(measured, misfit=MISFIT_PX)
     pull, told, gain = _asked(posterior_at(real, best.parameters, best.prior), tight, wide)
     covariance = _with_prior(told, wide)
@@ -115,7 +120,7 @@ def lens_evidence(
     clear = float(change @ np.linalg.solve(covariance + tight.covariance, change))
     if posterior is not None and clear > CHANGED_GAIN:
         nearer = 2 * (move_nats(moved) - move_nats(move_deg(posterior.pose, old)))
-        gain = _gain(real, best, posterior, tight, part) + nearer
+        gain = _gain(real, best, posterior, tight, part, searched) + nearer
     verdict = "changed" if min(gain, clear) > CHANGED_GAIN else "checked" if determined else "unchecked"
     prior = _effective_prior(tight, sigma) if verdict == "checked" else tight
     left = _with_prior(told, prior)
@@ -224,45 +229,68 @@ def _with_prior(told: FloatArray, prior: LensPrior) -> FloatArray:
     return root @ ((inverse + inverse.T) / 2) @ root.T
 
 
-def _gain(measured: Measured, best: Posterior, free: Posterior, prior: LensPrior, part: Part | None) -> float:
+def _gain(
+    measured: Measured,
+    best: Posterior,
+    free: Posterior,
+    prior: LensPrior,
+    part: Part | None,
+    searched: Sequence[Parameters],
+) -> float:
     """Chi-square by which the points prefer the free lenses to those of the prior, wherever that fits best.
 
     In the noise of the latter, which free lenses must explain. Their rival is also a scene whose planes are none, but
     curved: it looks as flat through other lenses as planes do through the rig's own.
     """
-    measured = replace(measured, aside=best.measured.aside)
+    apart = replace(measured, aside=best.measured.aside)
+    starts = [(apart, best.eased.parameters), (apart, free.parameters), *((measured, start) for start in searched)]
     gains: list[float] = []
-    for start in (best.eased, free):
-        held = fit_posterior(measured, start.parameters, Prior(prior, free=True), 15)
+    for measured, start in starts:
+        held = fit_posterior(measured, start, Prior(prior, free=True), 15)
         gains.append(_preferred(held, free, part, 0.0))
-        for degree in DEGREES if start.parameters.bows.size else ():
+        for degree in DEGREES if start.bows.size else ():
             if gains[-1] > DOUBTFUL_GAIN:
-                held = fit_posterior(*_curved(measured, start.parameters, degree), Prior(prior, free=True), 15)
-                price = 2 * float(np.log(CURVED)) * held.parameters.bows.size
-                gains.append(_preferred(held, free, part, price))
+                held = fit_posterior(*_curved(measured, start, degree), Prior(prior, free=True), 15)
+                gains.append(_preferred(held, free, part, _price_of_curving(measured, held)))
     return min(gains)
 
 
 def _curved(measured: Measured, parameters: Parameters, degree: int) -> tuple[Measured, Parameters]:
-    """The same with its planes as curved surfaces, of polynomials of that degree, each as large as the bows."""
+    """The same with all its planes as curved surfaces, of polynomials of that degree, each as large as the bows."""
     shapes = bow_shapes(measured.support.points, degree)
-    bows = np.zeros((len(parameters.bows), shapes.shape[1]))
-    bows[:, :BOWS] = parameters.bows / CURVED
-    scale = CURVED * float(np.sqrt(shapes.shape[1] / BOWS))
-    return replace(measured, shapes=shapes, flatness=scale * measured.flatness), replace(parameters, bows=bows)
+    larger = float(np.sqrt(shapes.shape[1] / BOWS))
+    flat = _flat(measured, parameters)
+    bows = np.zeros((len(flat), shapes.shape[1]))
+    bows[:, :BOWS] = parameters.as_curved(flat).bows
+    measured = replace(measured, shapes=shapes, flatness=larger * measured.flatness, curved=np.ones_like(flat))
+    return measured, replace(parameters, bows=bows)
+
+
+def _price_of_curving(measured: Measured, curved: Posterior) -> float:
+    """Chi-square that the bows of planes cost which may be curved now, and might not before."""
+    return 2 * float(np.log(CURVED)) * curved.parameters.bows[_flat(measured, curved.parameters)].size
+
+
+def _flat(measured: Measured, parameters: Parameters) -> BoolArray:
+    """(P,) planes that may not be curved."""
+    return ~(np.zeros(len(parameters.bows), dtype=np.bool_) if measured.curved is None else measured.curved)
 
 
 def _preferred(held: Posterior, free: Posterior, part: Part | None, price: float) -> float:
     costs, theirs = _joint_costs(held, held), _joint_costs(free, held)
     # The rivals of a changed lens: those points are copies, seen in a mirror, or moved, and as well known.
-    parts = [(one.rows, one.seldom, price_of(one)) for one in held.parts]
-    parts += [(rows, 1.0, PART_PRICE) for rows in (held.measured.aside, part and part.rows) if rows is not None]
-    for rows, seldom, own_price in parts:
-        gained = np.maximum(costs[rows] - theirs[rows] - seldom * SELDOM, 0.0)
+    # A part in one place was not chosen point by point. Among poses, so cheap a one would excuse what no lens explains.
+    parts = [(one.rows, one.seldom * SELDOM * scattered(one, held.measured), price_of(one)) for one in held.parts]
+    parts += [(rows, SELDOM, PART_PRICE) for rows in (held.measured.aside, part and part.rows) if rows is not None]
+    for rows, each, own_price in parts:
+        gained = np.maximum(costs[rows] - theirs[rows] - each, 0.0)
         if float(gained.sum()) > own_price:
             costs[rows] -= gained
             price += own_price
     preferred = costs - theirs
+    for one in held.parts:  # what a copy puts in place along its lines, too, is one through any lenses
+        if (along := anywhere_along(one, held)).sum() > price_of(one):
+            preferred[one.rows] = np.where(along > 0, np.minimum(preferred[one.rows], 0.0), preferred[one.rows])
     return (float(preferred.sum()) + price + held.prior_cost - free.prior_cost) * beyond_chance(preferred)
 
 

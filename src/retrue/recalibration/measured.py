@@ -11,6 +11,7 @@ from retrue.geometry.arrays import BoolArray, FloatArray, IntArray
 from retrue.geometry.camera import Camera
 from retrue.geometry.two_view import FREE, PlaneBows, TwoViewPoints
 from retrue.kernels import lenses as kernel
+from retrue.recalibration.bows import CURVED
 from retrue.recalibration.fit import Support
 from retrue.recalibration.lens import LENS_PARAMETERS, lens_numbers
 from retrue.recalibration.uneven_noise import NoiseShape
@@ -30,6 +31,7 @@ class Measured:
     support : their rays through the rig's own lenses, with planes and blocks.
     shapes : (N, B) bows of each point's plane, three but of what is curved, RMS 1 over the plane; 0 of points on none.
     flatness : RMS bow of planes, relative to their distance.
+    curved : (P,) planes that may be `CURVED` times as bowed; None where none may.
     neighbours : (N, 4) rows of the nearest points in the picture; (N, 0) where nobody asks.
     misfit : px, what no lens model explains of a real lens, and a part of the picture shares; part of the noise.
     homography_residuals : (N, 2) that each plane's homography leaves by itself.
@@ -46,6 +48,7 @@ class Measured:
     shapes: FloatArray
     flatness: float
     neighbours: IntArray
+    curved: BoolArray | None = None
     misfit: float = 0.0
     homography_residuals: FloatArray = field(default_factory=lambda: np.empty((0, 2)))
     aside: BoolArray | None = None
@@ -103,11 +106,15 @@ class Measured:
         free = points.plane_index == FREE
         blocks = np.stack([self.support.blocks[0], np.where(free, -1, self.support.blocks[1])])
         shapes = np.where(free[:, None], 0.0, self.shapes)
-        return replace(self, support=Support(points, blocks), shapes=shapes)
+        curved = None if self.curved is None else self.curved[~gone]
+        return replace(self, support=Support(points, blocks), shapes=shapes, curved=curved)
 
     @cached_property
     def _bends(self) -> FloatArray:
-        return self.shapes * self.flatness
+        bends = self.shapes * self.flatness
+        if self.curved is not None and self.curved.any():
+            bends *= np.where(np.append(self.curved, False)[self.support.points.plane_index], CURVED, 1.0)[:, None]
+        return bends
 
     @cached_property
     def _sigmas_px(self) -> tuple[FloatArray, FloatArray]:

@@ -8,7 +8,7 @@ import numpy as np
 
 from retrue.geometry.arrays import BoolArray, FloatArray
 from retrue.geometry.two_view import POSE_PARAMETERS, TwoViewPose, pose_difference
-from retrue.recalibration.bows import BOWS
+from retrue.recalibration.bows import BOWS, CURVED
 from retrue.recalibration.lens import LENS_PARAMETERS, LensPrior
 
 LENSES = 2 * LENS_PARAMETERS
@@ -22,7 +22,7 @@ class Parameters:
     ----------
     pose : R, unit t, planes.
     lens : (8,) changes of both lenses, see `lens`.
-    bows : (P, B) of the planes, in units of `flatness`.
+    bows : (P, B) of the planes, in units of `flatness`, or `CURVED` times that.
     """
 
     pose: TwoViewPose
@@ -37,6 +37,10 @@ class Parameters:
     def without_planes(self, gone: BoolArray) -> Parameters:
         """The same without those planes (P,)."""
         return replace(self, pose=replace(self.pose, planes=self.pose.planes[~gone]), bows=self.bows[~gone])
+
+    def as_curved(self, planes: BoolArray) -> Parameters:
+        """The same place where those planes (P,), of which each was as flat as walls are, may be curved."""
+        return replace(self, bows=np.where(planes[:, None], self.bows / CURVED, self.bows))
 
     def moved(self, step: FloatArray) -> Parameters:
         """By a step of the pose and planes (5 + 3 P), the lenses (8) and the bows (B P)."""

@@ -106,7 +106,8 @@ def explained_costs(posterior: Posterior, floor: Floor, asides: Sequence[Part]) 
     counts = np.bincount(plane[(plane != FREE) & (posterior.fit.robust_weights[1] > 0)], minlength=1)
     price = posterior.prior_cost + 3 * PARAMETER * int(np.count_nonzero(counts >= FEWEST_OF_A_PLANE))
     foreign = [other for other in asides if of_another_pose(other, posterior)]
-    worthy = [other for other in (*posterior.parts, *foreign) if found[other.rows].clip(0.0).sum() > price_of(other)]
+    others = [(other, anywhere_along(other, posterior)) for other in (*posterior.parts, *foreign)]
+    worthy = [other for other, along in others if (found[other.rows].clip(0.0) + along).sum() > price_of(other)]
     left = [(other, _costs_of_part(other, posterior, floor)) for other in worthy]
     parts = list[tuple[float, BoolArray]]()
     while left:  # the part that gains most comes first: another may have the same points
@@ -135,10 +136,33 @@ def price_of(part: Part) -> float:
     return part.parameters * PARAMETER + (RARE if part.name == A_COPY else 0.0)
 
 
+def scattered(part: Part, measured: Measured) -> float:
+    """How much its points alternate with others: the share of its neighbours that are none of it, over chance's.
+
+    What is in one place was not chosen point by point, but along its edge.
+    """
+    others = 1 - float(part.rows.mean())
+    if not (measured.neighbours.size and others > 0):
+        return 1.0
+    return min((1 - float(part.rows[measured.neighbours[part.rows]].mean())) / others, 1.0)
+
+
+def anywhere_along(part: Part, posterior: Posterior) -> FloatArray:
+    """(rows,) what a point on no plane costs any pose, for it may be anywhere along its line: a copy says where.
+
+    What is in one place is a surface, and its neighbours say it, too. Print repeats in space, and what shows it is told
+    by what lies between: see `copies_seen_through`.
+    """
+    told = part.missed.shape[1] == 2 and not posterior.measured.textured
+    free = posterior.points.plane_index[part.rows] == FREE
+    return np.where(free & told, UNEXPLAINED * scattered(part, posterior.measured), 0.0)
+
+
 def _costs_of_part(part: Part, posterior: Posterior, floor: Floor) -> FloatArray:
     """(rows,) what its points cost where it explains them; they are no quieter than those of the pose."""
     on_plane = posterior.points.plane_index[part.rows] != FREE
-    explained = part.seldom * SELDOM + np.where(on_plane & (part.missed.shape[1] == 1), UNEXPLAINED, 0.0)
+    explained = np.where(on_plane & (part.missed.shape[1] == 1), UNEXPLAINED, 0.0) - anywhere_along(part, posterior)
+    explained = explained + part.seldom * SELDOM
     families = zip(part.missed.T, posterior.fit.noises, (floor.across, floor.along), strict=False)
     for missed, noise, least in families:
         quietest = float(np.hypot(least.level, MISFIT_PX))

@@ -48,7 +48,10 @@ class PlaneShifts:
 
 
 def shifts_from_planes(posterior: Posterior, rows: IntArray) -> list[PlaneShifts]:
-    """Of those points, from each of the largest planes; steps in space where texture may repeat."""
+    """Of those points, from each of the largest planes; steps in space where texture may repeat.
+
+    A plane has them where it is bowed as it is at their neighbours: its homography is R + (1 + b) t n^T there.
+    """
     points, pose, measured = posterior.points, posterior.pose, posterior.measured
     x = np.column_stack([points.camera_rays[rows], np.ones(len(rows))])
     y = np.column_stack([points.projector_rays[rows], np.ones(len(rows))])
@@ -58,8 +61,11 @@ def shifts_from_planes(posterior: Posterior, rows: IntArray) -> list[PlaneShifts
         n = pose.planes[plane]
         H: FloatArray = pose.R + pose.t[:, None] * n
         forth = x @ H.T
+        bend = _bend_beside(posterior, rows, plane)
+        forth += bend[:, None] * (x @ n)[:, None] * pose.t
+        turned, t = y @ pose.R, pose.R.T @ pose.t  # the inverse is (I - (1 + b) t n^T / (1 + (1 + b) n t)) R^T
         with np.errstate(all="ignore"):
-            back = y @ np.asarray(np.linalg.inv(H), dtype=np.float64).T
+            back = turned - ((1 + bend) * (turned @ n) / (1 + (1 + bend) * float(n @ t)))[:, None] * t
         pixels = np.empty((2, len(rows), 2))
         np.subtract(measured.projector_px[rows], measured.rig.projector.project(forth), out=pixels[0])
         np.subtract(measured.camera_px[rows], measured.rig.camera.project(back), out=pixels[1])
@@ -69,3 +75,15 @@ def shifts_from_planes(posterior: Posterior, rows: IntArray) -> list[PlaneShifts
             kernel.steps(y, forth, x @ n, weights, relative, gaps)
         found.append(PlaneShifts(plane, pixels, y, forth, weights, relative, gaps))
     return found
+
+
+def _bend_beside(posterior: Posterior, rows: IntArray, plane: int) -> FloatArray:
+    """(rows,) the share of that plane's disparity by which its bows move the points beside those."""
+    measured = posterior.measured
+    if not (measured.neighbours.size and posterior.parameters.bows.size):
+        return np.zeros(len(rows))
+    beside = measured.neighbours[rows]
+    there = posterior.points.plane_index[beside] == plane
+    shares, bows = measured.bowed(posterior.parameters.bows)
+    bend = (shares @ bows[plane])[beside]
+    return np.where(there, bend, 0.0).sum(axis=1) / np.maximum(np.count_nonzero(there, axis=1), 1)
