@@ -74,6 +74,8 @@ def wide_prior(rig: Rig, stated: LensPrior) -> LensPrior:
 
 def changed_device(device: Camera, change: FloatArray) -> Camera:
     """The device with its four lens parameters (4,) changed by that much."""
+    if not change.any():
+        return device
     K, distortion = lens_numbers(device, change)
     return replace(device, K=K, distortion=distortion[: len(device.distortion)])
 
