@@ -17,6 +17,7 @@ import numpy as np
 
 from retrue.geometry.arrays import FloatArray, IntArray
 from retrue.geometry.nearest import nearest_of_all
+from retrue.geometry.robust import MAD_TO_SIGMA, quantile
 
 GAMMAS = (1.0, 0.7, 0.45)  # linear light; in between; the curve of a camera that makes pictures for people
 NEIGHBOURS = 6
@@ -159,7 +160,7 @@ class _Pairs:
 
 
 def _deviation(values: FloatArray) -> float:
-    return 1.4826 * float(np.median(np.abs(values)))
+    return MAD_TO_SIGMA * quantile(np.abs(values), 0.5)
 
 
 def _neighbours(x: FloatArray) -> tuple[IntArray, IntArray]:
