@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import cache, partial
-from math import log1p
+from math import hypot, log, log1p
 
 import numpy as np
 
@@ -107,8 +107,8 @@ def explained_costs(posterior: Posterior, floor: Floor, asides: Sequence[Part]) 
     price = posterior.prior_cost + 3 * PARAMETER * int(np.count_nonzero(counts >= FEWEST_OF_A_PLANE))
     foreign = [other for other in asides if of_another_pose(other, posterior)]
     others = [(other, anywhere_along(other, posterior)) for other in (*posterior.parts, *foreign)]
-    worthy = [other for other, along in others if (found[other.rows].clip(0.0) + along).sum() > price_of(other)]
-    left = [(other, _costs_of_part(other, posterior, floor)) for other in worthy]
+    worthy = [one for one in others if (found[one[0].rows].clip(0.0) + one[1]).sum() > price_of(one[0])]
+    left = [(other, _costs_of_part(other, posterior, floor, along)) for other, along in worthy]
     parts = list[tuple[float, BoolArray]]()
     while left:  # the part that gains most comes first: another may have the same points
         gains = [np.maximum(found[other.rows] - explained, 0.0) for other, explained in left]
@@ -126,9 +126,12 @@ def has_copies(posterior: Posterior) -> bool:
     """Whether some points are explained so much better as a copy of a plane that it is worth its price."""
     floor = Floor.of([posterior])
     found = costs(posterior, floor)
-    copies = [part for part in posterior.parts if part.name == A_COPY]
-    gains = [np.maximum(found[copy.rows] - _costs_of_part(copy, posterior, floor), 0.0).sum() for copy in copies]
-    return any(gain > price_of(copy) for gain, copy in zip(gains, copies, strict=True))
+
+    def gain(copy: Part) -> float:
+        explained = _costs_of_part(copy, posterior, floor, anywhere_along(copy, posterior))
+        return float(np.maximum(found[copy.rows] - explained, 0.0).sum())
+
+    return any(gain(part) > price_of(part) for part in posterior.parts if part.name == A_COPY)
 
 
 def price_of(part: Part) -> float:
@@ -153,23 +156,26 @@ def anywhere_along(part: Part, posterior: Posterior) -> FloatArray:
     What is in one place is a surface, and its neighbours say it, too. Print repeats in space, and what shows it is told
     by what lies between: see `copies_seen_through`.
     """
-    told = part.missed.shape[1] == 2 and not posterior.measured.textured
     free = posterior.points.plane_index[part.rows] == FREE
-    return np.where(free & told, UNEXPLAINED * scattered(part, posterior.measured), 0.0)
+    if part.missed.shape[1] == 1 or posterior.measured.textured or not free.any():
+        return np.zeros(len(free))
+    return np.where(free, UNEXPLAINED * scattered(part, posterior.measured), 0.0)
 
 
-def _costs_of_part(part: Part, posterior: Posterior, floor: Floor) -> FloatArray:
-    """(rows,) what its points cost where it explains them; they are no quieter than those of the pose."""
-    on_plane = posterior.points.plane_index[part.rows] != FREE
-    explained = np.where(on_plane & (part.missed.shape[1] == 1), UNEXPLAINED, 0.0) - anywhere_along(part, posterior)
-    explained = explained + part.seldom * SELDOM
+def _costs_of_part(part: Part, posterior: Posterior, floor: Floor, along: FloatArray) -> FloatArray:
+    """(rows,) what its points cost where it explains them; they are no quieter than those of the pose.
+
+    `along` (rows,) is what each costs `anywhere_along` its line.
+    """
+    explained = part.seldom * SELDOM - along
+    if part.missed.shape[1] == 1:
+        explained = explained + np.where(posterior.points.plane_index[part.rows] != FREE, UNEXPLAINED, 0.0)
     families = zip(part.missed.T, posterior.fit.noises, (floor.across, floor.along), strict=False)
     for missed, noise, least in families:
-        quietest = float(np.hypot(least.level, MISFIT_PX))
-        level = float(np.hypot(part.level, MISFIT_PX))
+        quietest, level = hypot(least.level, MISFIT_PX), hypot(part.level, MISFIT_PX)
         if part.level < least.level:  # it gains nothing by that: what real lenses leave over is as large a share of it
             level = part.level * quietest / least.level
-        louder = 2 * max(float(np.log(max(level, np.hypot(noise.level, MISFIT_PX)) / quietest)), 0.0)
+        louder = 2 * max(log(max(level, hypot(noise.level, MISFIT_PX)) / quietest), 0.0)
         explained = explained + np.minimum(biweight_loss(missed / level) + louder, UNEXPLAINED)
     return explained
 
