@@ -24,15 +24,15 @@ def negative_log_likelihood(fit: PoseFit, measured: Measured) -> FloatArray:
     residuals = zip(fit.alike, fit.levels_alike, fit.robust_weights, fit.noises, strict=True)
     families = zip(residuals, blocks, _expected(fit), found, strict=True)
     for (values, level, weights, noise), block, expected, loss in families:
-        weighted = np.where(weights > 0, weights * values, 0.0)
-        numbers, sums = np.bincount(block + 1, weights), np.bincount(block + 1, weighted)
+        row, explained = block + 1, np.where(weights > 0, values, 0.0)
+        weighted = weights * explained
+        numbers, sums = np.bincount(row, weights), np.bincount(row, weighted)
         means = sums / np.maximum(numbers, 1e-300)
-        square = np.where(weights > 0, weighted * values, 0.0).sum()
-        within = 1 - float(sums @ means) / max(float(square), 1e-300)
+        within = 1 - float(sums @ means) / max(float(weighted @ explained), 1e-300)
         own = level**2 * max(within, 0.0) + MISFIT_PX**2
         together = numbers * (noise.shared**2 * noise.alikeness)
         of_block = means**2 / (own + together) + np.log1p(together / own) / np.maximum(numbers, 1.0) + np.log(own)
-        loss[:] = biweight_loss((values - means[block + 1]) / np.sqrt(own)) + of_block[block + 1]
+        loss[:] = biweight_loss((values - means[row]) / np.sqrt(own)) + of_block[row]
         loss[weights > 0] -= expected
         loss[block < 0] = 0.0
     return found
