@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from math import erfc, exp, log, pi, sqrt
 from typing import Any
 
@@ -46,7 +45,7 @@ def without_chance(fit: PoseFit, aside: BoolArray | None, lone: BoolArray | None
     if silent is None or not silent.any():
         return fit
     both, weights = silenced(fit.found.both, fit.robust_weights, silent)
-    return replace(fit, found=Residuals(both), robust_weights=weights)
+    return PoseFit(fit.pose, fit.points, Residuals(both), *fit.noises, weights, fit.noise_shape)
 
 
 def lined_up(relative: FloatArray) -> float:

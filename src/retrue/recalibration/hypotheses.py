@@ -160,8 +160,9 @@ def drawn_in(measured: Measured, start: Parameters, prior: Prior) -> Parameters:
         both = here.fit.found.both
         floor = floor if len(start.pose.planes) else biweight_level(here.fit.found.epipolar)
         weights, floor, reach = gather_weights(both, plane_index, len(start.pose.planes), floor, reach)
-        variances = np.stack([noise.variance for noise in here.fit.noises])
-        robust = np.where(weights > 0, weights, 0.0) * np.where(weights > 0, variances, 0.0)
+        robust = np.zeros(weights.shape)
+        for own, weight, noise in zip(robust, weights, here.fit.noises, strict=True):
+            np.multiply(weight, noise.variance, out=own, where=weight > 0)
         step, length = replace(here, fit=replace(here.fit, robust_weights=robust)).step(0.0)
         start = start.moved(step)
         if length < DRAWN_IN and (reach <= floor or reach == np.inf):  # which it stays, where most of them are silent
