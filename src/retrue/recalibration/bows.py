@@ -13,6 +13,22 @@ SCALES = np.geomspace(0.003, 3.7, 19)
 """Of the stated flatness, how far planes may be bowed: alike before the points speak; their mean square is 1."""
 
 
+def bend_at(x: FloatArray, known: FloatArray, bend: FloatArray, degree: int = 2) -> FloatArray:
+    """(N,) by how much a plane is bent at rays x (N, 2), from what it is at those known (M, 2): a polynomial of them.
+
+    >>> known = np.array([[u, v] for u in (-1.0, 0.0, 1.0) for v in (-1.0, 0.0, 1.0)])
+    >>> bend_at(np.array([[0.5, 2.0]]), known, known[:, 0] ** 2 - known[:, 0] * known[:, 1]).round(6)
+    array([-0.75])
+    """
+    powers = [(of_all - of_v, of_v) for of_all in range(degree + 1) for of_v in range(of_all + 1)]
+    centre, scale = known.mean(axis=0), np.maximum(known.std(axis=0), 1e-300)
+    (u, v), (a, b) = (((rays - centre) / scale).T for rays in (x, known))
+    there = np.stack([a**i * b**j for i, j in powers], axis=1)
+    told = np.linalg.lstsq(there, bend, rcond=None)[0]
+    found: FloatArray = np.stack([u**i * v**j for i, j in powers], axis=1) @ told
+    return found
+
+
 def bow_shapes(points: TwoViewPoints, degree: int = 2) -> FloatArray:
     """(N, B) polynomials that bow each plane, together of RMS 1, without what a tilt takes up: three of degree two."""
     powers = [(of_all - of_v, of_v) for of_all in range(2, degree + 1) for of_v in range(of_all + 1)]

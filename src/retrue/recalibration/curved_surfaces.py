@@ -56,7 +56,10 @@ def curved_of(rival: Rival) -> BoolArray:
 
 
 def surfaces_of(fit: Posterior, bent: BoolArray) -> BoolArray:
-    """(P,) which of those planes, as flat as walls before, are surfaces nevertheless, if they may be curved."""
+    """(P,) which of those planes, as flat as walls before, are surfaces nevertheless, if they may be curved.
+
+    Such a surface has most of its points, hardly scattered.
+    """
     if not bent.any():
         return bent
     known = np.zeros_like(bent) if fit.measured.curved is None else fit.measured.curved
@@ -66,7 +69,9 @@ def surfaces_of(fit: Posterior, bent: BoolArray) -> BoolArray:
         determined = bool(np.isfinite(curved.covariance).all())
     except DegenerateError:
         return np.zeros_like(bent)
-    return bent & ~curved_planes(curved) & determined
+    plane, there = curved.points.plane_index, curved.fit.robust_weights[1] > 0
+    counts = [np.bincount(plane[rows], minlength=len(bent)) for rows in (plane != FREE, there & (plane != FREE))]
+    return bent & ~curved_planes(curved) & (2 * counts[1] > counts[0]) & determined
 
 
 def _may_gain(fit: Posterior) -> bool:

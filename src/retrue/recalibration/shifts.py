@@ -9,9 +9,11 @@ import numpy as np
 from retrue.geometry.arrays import BoolArray, FloatArray, IntArray
 from retrue.geometry.two_view import FREE
 from retrue.kernels import copies as kernel
+from retrue.recalibration.bows import bend_at
 from retrue.recalibration.posterior import Posterior
 
 MOST_COPIED = 3  # planes, the largest
+ENOUGH = 60  # points of a plane, that tell its bows
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -50,7 +52,7 @@ class PlaneShifts:
 def shifts_from_planes(posterior: Posterior, rows: IntArray) -> list[PlaneShifts]:
     """Of those points, from each of the largest planes; steps in space where texture may repeat.
 
-    A plane has them where it is bowed as it is at their neighbours: its homography is R + (1 + b) t n^T there.
+    Where a plane is bowed by a share b of its disparity, its homography is R + (1 + b) t n^T.
     """
     points, pose, measured = posterior.points, posterior.pose, posterior.measured
     x = np.column_stack([points.camera_rays[rows], np.ones(len(rows))])
@@ -61,7 +63,7 @@ def shifts_from_planes(posterior: Posterior, rows: IntArray) -> list[PlaneShifts
         n = pose.planes[plane]
         H: FloatArray = pose.R + pose.t[:, None] * n
         forth = x @ H.T
-        bend = _bend_beside(posterior, rows, plane)
+        bend = _bend(posterior, rows, plane)
         forth += bend[:, None] * (x @ n)[:, None] * pose.t
         turned, t = y @ pose.R, pose.R.T @ pose.t  # the inverse is (I - (1 + b) t n^T / (1 + (1 + b) n t)) R^T
         with np.errstate(all="ignore"):
@@ -77,13 +79,11 @@ def shifts_from_planes(posterior: Posterior, rows: IntArray) -> list[PlaneShifts
     return found
 
 
-def _bend_beside(posterior: Posterior, rows: IntArray, plane: int) -> FloatArray:
-    """(rows,) the share of that plane's disparity by which its bows move the points beside those."""
-    measured = posterior.measured
-    if not (measured.neighbours.size and posterior.parameters.bows.size):
+def _bend(posterior: Posterior, rows: IntArray, plane: int) -> FloatArray:
+    """(rows,) the share of that plane's disparity by which its bows would move those points, if they lay on it."""
+    shares, bows = posterior.measured.bowed(posterior.parameters.bows)
+    mine = np.flatnonzero(posterior.points.plane_index == plane)
+    if not len(mine) or not bows[plane].any():
         return np.zeros(len(rows))
-    beside = measured.neighbours[rows]
-    there = posterior.points.plane_index[beside] == plane
-    shares, bows = measured.bowed(posterior.parameters.bows)
-    bend = (shares @ bows[plane])[beside]
-    return np.where(there, bend, 0.0).sum(axis=1) / np.maximum(np.count_nonzero(there, axis=1), 1)
+    rays, mine = posterior.points.camera_rays, mine[:: max(len(mine) // ENOUGH, 1)]
+    return bend_at(rays[rows], rays[mine], shares[mine] @ bows[plane])
