@@ -13,11 +13,12 @@ from retrue.geometry.transform import direction_angle, rotation_angle
 from retrue.geometry.two_view import FREE
 from retrue.recalibration.candidates import poses_of_no_plane
 from retrue.recalibration.copies import shifted_copies
+from retrue.recalibration.costs import UNEXPLAINED, anywhere_along, scattered
 from retrue.recalibration.curved_surfaces import surfaces_of
 from retrue.recalibration.parts import A_COPY, Part, unexplained
 from retrue.recalibration.posterior import Posterior, fit_posterior, posterior_at
 from retrue.recalibration.rays import rays_of_captures
-from retrue.recalibration.rivals import UNEXPLAINED, anywhere_along, nearest_points, scattered
+from retrue.recalibration.rivals import nearest_points
 from tests.recalibration.scenes import POSE, RIG, bumped
 from tests.recalibration.test_curved_surfaces import as_a_plane, window
 

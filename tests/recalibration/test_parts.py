@@ -15,6 +15,7 @@ from retrue.geometry.transform import direction_angle, rotation_angle, vector_fr
 from retrue.geometry.two_view import FREE, TwoViewPoints, tangent_basis
 from retrue.recalibration.chance import beyond_chance, without_chance
 from retrue.recalibration.copies import shifted_copy
+from retrue.recalibration.costs import Floor, costs
 from retrue.recalibration.doubtful_planes import planes_between
 from retrue.recalibration.fit import Support, evaluate
 from retrue.recalibration.judge import judge
@@ -26,7 +27,7 @@ from retrue.recalibration.posterior import posterior_at
 from retrue.recalibration.rays import rays_of_captures
 from retrue.recalibration.recalibrate import recalibrate
 from retrue.recalibration.result import Accepted
-from retrue.recalibration.rivals import Floor, costs, nearest_points
+from retrue.recalibration.rivals import nearest_points
 from retrue.recalibration.turned import turned_over
 from tests.recalibration.scenes import POSE, RIG, SIDE_WALL, WALL, Scene, bumped, capture, first_hits
 from tests.recalibration.test_posterior import measured_scene

@@ -8,12 +8,12 @@ import numpy as np
 import pytest
 
 from retrue.geometry.two_view import FREE
+from retrue.recalibration.costs import UNEXPLAINED, Floor, explained_costs
 from retrue.recalibration.lens import stated_prior, wide_prior
 from retrue.recalibration.lens_evidence import LensEvidence, held_instead
 from retrue.recalibration.parameters import Prior
 from retrue.recalibration.parts import A_COPY, unexplained
 from retrue.recalibration.posterior import Posterior, fit_posterior, posterior_at
-from retrue.recalibration.rivals import UNEXPLAINED, Floor, explained_costs
 from retrue.recalibration.shifted_codes import shifted_codes
 from tests.recalibration.scenes import RIG
 from tests.recalibration.test_posterior import measured_scene

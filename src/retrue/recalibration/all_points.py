@@ -9,9 +9,9 @@ import numpy as np
 from retrue.geometry.robust import CUTOFF
 from retrue.recalibration.bows import measured_scale
 from retrue.recalibration.chance import strays
+from retrue.recalibration.costs import total_costs
 from retrue.recalibration.posterior import Posterior, improved, posterior_at, same_answer
 from retrue.recalibration.rays import Rays
-from retrue.recalibration.rivals import total_costs
 
 STRAYED = 5  # times, since other points may be strays where the pose then is
 

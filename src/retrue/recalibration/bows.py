@@ -25,8 +25,7 @@ def bend_at(x: FloatArray, known: FloatArray, bend: FloatArray, degree: int = 2)
     (u, v), (a, b) = (((rays - centre) / scale).T for rays in (x, known))
     there = np.stack([a**i * b**j for i, j in powers], axis=1)
     told = np.linalg.lstsq(there, bend, rcond=None)[0]
-    found: FloatArray = np.stack([u**i * v**j for i, j in powers], axis=1) @ told
-    return found
+    return np.asarray(np.stack([u**i * v**j for i, j in powers], axis=1) @ told, dtype=np.float64)
 
 
 def bow_shapes(points: TwoViewPoints, degree: int = 2) -> FloatArray:

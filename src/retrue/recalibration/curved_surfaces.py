@@ -15,11 +15,12 @@ from retrue.errors import DegenerateError
 from retrue.geometry.arrays import BoolArray
 from retrue.geometry.two_view import FREE, TwoViewPose
 from retrue.recalibration.bows import CURVED
+from retrue.recalibration.costs import least, total_costs
 from retrue.recalibration.doubtful_planes import MOST_BOW, curved_planes
 from retrue.recalibration.lens_evidence import untold_misfit
 from retrue.recalibration.parameters import Parameters, Prior
 from retrue.recalibration.posterior import Measured, Posterior, fit_posterior, posterior_at, same_answer
-from retrue.recalibration.rivals import Rival, least, move_deg, move_nats, total_costs
+from retrue.recalibration.rivals import Rival, move_deg, move_nats
 
 ITERATIONS = 10
 GAIN = 12.0  # of chi-square: a first step that gains less leads to no rival

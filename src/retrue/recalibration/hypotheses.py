@@ -16,6 +16,7 @@ from retrue.geometry.two_view import TwoViewPose, planes_of_pose
 from retrue.recalibration.all_points import unless_grown
 from retrue.recalibration.candidates import MOST, twins_of_planes
 from retrue.recalibration.copies import copies_explained
+from retrue.recalibration.costs import PARAMETER, RARE, total_costs
 from retrue.recalibration.fit import squared_sigmas
 from retrue.recalibration.lens import LensPrior
 from retrue.recalibration.likelihood import with_misfit
@@ -27,10 +28,10 @@ from retrue.recalibration.parts import (
     agreeing,
     most_unexplained,
     parts_apart,
+    plane_levels,
     set_aside,
 )
 from retrue.recalibration.posterior import Measured, Posterior, fit_cost, fit_posterior, posterior_at
-from retrue.recalibration.rivals import PARAMETER, RARE, plane_levels, total_costs
 
 GATHERED = 15  # steps
 DRAWN_IN = 1e-7  # of a squared sigma: what follows is settled long before

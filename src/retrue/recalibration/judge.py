@@ -25,6 +25,7 @@ from retrue.recalibration.candidates import (
 from retrue.recalibration.consensus import quieter_majorities
 from retrue.recalibration.contradiction import MOST_DEVIATIONS, differing_capture
 from retrue.recalibration.copies import shifted_copy
+from retrue.recalibration.costs import has_copies
 from retrue.recalibration.curved_surfaces import curved_of, curved_rival, surfaces_of
 from retrue.recalibration.doubtful_planes import (
     better_without_planes,
@@ -55,6 +56,7 @@ from retrue.recalibration.parts import (
     other_part,
     other_parts,
     parts_apart,
+    plane_levels,
     set_aside,
     unexplained,
 )
@@ -74,17 +76,7 @@ from retrue.recalibration.reasons import (
     Undecidable,
 )
 from retrue.recalibration.result import PoseSigma, working_distance
-from retrue.recalibration.rivals import (
-    Rival,
-    has_copies,
-    light_of,
-    move_deg,
-    nearest_points,
-    plane_levels,
-    ranked,
-    rivals_of,
-    same_answer,
-)
+from retrue.recalibration.rivals import Rival, light_of, move_deg, nearest_points, ranked, rivals_of, same_answer
 from retrue.recalibration.slow_errors import TakenUp, taken_up
 from retrue.recalibration.swapped import move_if_exchanged
 from retrue.recalibration.together import pose_with_lenses

@@ -16,25 +16,15 @@ from retrue.geometry.two_view import POSE_PARAMETERS, TwoViewPose
 from retrue.recalibration.bows import BOWS, CURVED, bow_shapes
 from retrue.recalibration.candidates import behind, same_pose
 from retrue.recalibration.chance import beyond_chance
+from retrue.recalibration.costs import SELDOM, UNEXPLAINED, anywhere_along, least, price_of, scattered, total_costs
 from retrue.recalibration.fit import BLOCKS
 from retrue.recalibration.hypotheses import drawn_in
 from retrue.recalibration.lens import FOCAL, LENS_PARAMETERS, LensPrior, scaled_starts
 from retrue.recalibration.measured import MISFIT_PX
 from retrue.recalibration.parameters import Parameters, Prior
-from retrue.recalibration.parts import LOUD, Part
+from retrue.recalibration.parts import LOUD, Part, plane_levels
 from retrue.recalibration.posterior import Measured, Posterior, fit_posterior, posterior_at
-from retrue.recalibration.rivals import (
-    SELDOM,
-    UNEXPLAINED,
-    anywhere_along,
-    least,
-    move_deg,
-    move_nats,
-    plane_levels,
-    price_of,
-    scattered,
-    total_costs,
-)
+from retrue.recalibration.rivals import move_deg, move_nats
 
 KNOWN_FOCAL = 0.01
 CHANGED_GAIN = 30.0  # of chi-square; eight parameters that nobody touched gain as much once in 5000 times

@@ -124,6 +124,13 @@ def noise_of_planes(
     return found
 
 
+def plane_levels(measured: Measured) -> list[float]:
+    """Noise that the homography of each plane leaves by itself."""
+    plane = measured.support.points.plane_index
+    planes = range(int(plane.max(initial=FREE)) + 1)
+    return [biweight_level(measured.homography_residuals[plane == index].ravel()) for index in planes]
+
+
 def planes_apart(posterior: Posterior, outside: BoolArray, missed: FloatArray) -> list[Part]:
     """Planes that the pose does not explain: each still has its homography, and what that misses its points by."""
     plane = posterior.points.plane_index

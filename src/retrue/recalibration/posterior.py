@@ -186,7 +186,7 @@ class Posterior:
     @cached_property
     def impossible(self) -> BoolArray:
         """(N,) points that it has behind a device, or explains where it hides them: surfaces are opaque."""
-        from retrue.recalibration.rivals import hidden
+        from retrue.recalibration.costs import hidden
 
         back = behind(self.pose, self.points, self.fit.epipolar_noise.level)
         copies = [part.rows for part in self.parts if part.seen_through] if self.measured.textured else []

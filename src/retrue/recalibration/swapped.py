@@ -13,11 +13,12 @@ from retrue.geometry.robust import biweight_loss
 from retrue.geometry.two_view import TwoViewPose
 from retrue.rasters import MOST_OUTSIDE
 from retrue.recalibration.candidates import match_noise, refined_poses, starting_poses, with_planes
+from retrue.recalibration.costs import UNEXPLAINED
 from retrue.recalibration.fit import PoseFit, Support
 from retrue.recalibration.options import RecalibrateOptions
 from retrue.recalibration.posterior import Posterior
 from retrue.recalibration.rays import rays_of_captures
-from retrue.recalibration.rivals import UNEXPLAINED, move_deg
+from retrue.recalibration.rivals import move_deg
 from retrue.rig import Rig
 
 FAR_MOVE_DEG = 15.0
