@@ -11,7 +11,8 @@ import pytest
 from retrue.correspondences import Card, Correspondences
 from retrue.geometry.camera import Camera
 from retrue.geometry.transform import RigidTransform, direction_angle, rotation_angle
-from retrue.recalibration import judge
+from retrue.recalibration import explanation
+from retrue.recalibration.judge import judge
 from retrue.recalibration.options import RecalibrateOptions
 from retrue.recalibration.posterior import Posterior
 from retrue.recalibration.rays import rays_of_captures
@@ -135,16 +136,16 @@ def test_lenses_that_err_as_their_calibration_says_do_not_make_right_matches_too
 def test_a_plane_stays_that_a_pose_believes_which_beats_the_best_one(monkeypatch: pytest.MonkeyPatch) -> None:
     """Each beats another in turn: then nothing is decided, and a wrong pose sees a wall curved."""
     chosen: list[Posterior] = []
-    ranked = judge.ranked
+    ranked = explanation.ranked
 
     def in_turn(*asked: Any) -> tuple[Posterior, tuple[Rival, ...]]:
         best, rivals = ranked(*asked)
         chosen.append(best)
         return best, tuple(replace(rival, points=-1.0, light=0.0, move=0.0) for rival in rivals)
 
-    monkeypatch.setattr(judge, "ranked", in_turn)
-    monkeypatch.setattr(judge, "curved_planes", lambda fit: np.full(len(fit.pose.planes), fit is chosen[-1]))
+    monkeypatch.setattr(explanation, "ranked", in_turn)
+    monkeypatch.setattr(explanation, "curved_planes", lambda fit: np.full(len(fit.pose.planes), fit is chosen[-1]))
     random = np.random.default_rng(0)
     points = scene(random)
-    found = judge.judge(OLD, [replace(matched(points, points, random), card=None)], RecalibrateOptions())
+    found = judge(OLD, [replace(matched(points, points, random), card=None)], RecalibrateOptions())
     assert len(found.answer.pose.planes) > 0
