@@ -204,7 +204,7 @@ def test_a_bump_within_a_streak_of_creep_is_told_as_one_and_found_as_soon(folder
     watch.run(SimulatedSource(56, jumps={49: (0.0, 1.5, 0.0)}, drift=(30, 64, (0.3, 0.0, 0.0))), threading.Event())
     watch.events.close()
     drifted = [number_of(event) for event in events(folder, "frame") if event["verdict"] == "drifted"]
-    assert drifted[0] == 45  # of the creep
+    assert drifted[0] == 48  # of the creep
     assert [event["kind"] for event in events(folder, "recalibrated")] == ["bump"]
     assert events(folder, "recalibrated")[0]["frames"] == ["frame 49", "frame 50", "frame 51"]
 
@@ -287,7 +287,9 @@ def test_the_filter_goes_on_after_a_stop(folder):
     begun(folder, 0, 35)
     begun(folder, 35, 40)
     creep = [event["creep"] for event in events(folder, "frame")]
-    assert [number for number, found in enumerate(creep) if found is not None] == list(range(30, 40))
+    assert [number for number, found in enumerate(creep) if found is not None] == list(
+        range(29, 40)
+    )  # of thirty frames
 
 
 def test_what_was_remembered_of_another_rig_is_forgotten(bumped):

@@ -113,6 +113,16 @@ def scattered(part: Part, measured: Measured) -> float:
     return min((1 - float(part.rows[measured.neighbours[part.rows]].mean())) / others, 1.0)
 
 
+def price_of_a_point(part: Part, measured: Measured) -> float:
+    """Chi-square that each of its points costs for being of the rarer kind.
+
+    Of codes that are off, all are as far as they alternate with others; print alternates by itself.
+    """
+    if part.name == A_COPY and not measured.textured:
+        return SELDOM * max(part.seldom, scattered(part, measured))
+    return SELDOM * part.seldom
+
+
 def anywhere_along(part: Part, posterior: Posterior) -> FloatArray:
     """(rows,) what a point on no plane costs any pose, for it may be anywhere along its line: a copy says where.
 
@@ -130,7 +140,7 @@ def _costs_of_part(part: Part, posterior: Posterior, floor: Floor, along: FloatA
 
     `along` (rows,) is what each costs `anywhere_along` its line.
     """
-    explained = part.seldom * SELDOM - along
+    explained = price_of_a_point(part, posterior.measured) - along
     if part.missed.shape[1] == 1:
         explained = explained + np.where(posterior.points.plane_index[part.rows] != FREE, UNEXPLAINED, 0.0)
     families = zip(part.missed.T, posterior.fit.noises, (floor.across, floor.along), strict=False)
