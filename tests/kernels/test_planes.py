@@ -12,12 +12,14 @@ def test_a_plane_of_moments_is_that_of_least_squares() -> None:
     rng = np.random.default_rng(0)
     shape = (2, 300)  # more than are taken at a time
     x, y, w = (rng.uniform(low, 3, (40, *shape)) for low in (-3, -3, 0.1))
+    window, spread = rng.uniform(0.2, 0.8, x.shape), 0.1
     v = 100 + 0.4 * x - 0.2 * y + rng.normal(0, 0.1, x.shape)
     sums = np.stack([(w * own).sum(axis=0) for own in (1, x, x * x, y, y * y, x * y, v, x * v, y * v)])
+    squares = np.stack([(window * w * own).sum(axis=0) for own in (1, x, x * x, y, y * y, x * y)])
     found = []
     for kernel in (planes, plain("planes")):
         made = [np.empty((count, *shape), np.float32) for count in (3, 5, 2)]
-        kernel.solve(sums.astype(np.float32), *made)
+        kernel.solve(sums.astype(np.float32), squares.astype(np.float32), spread, *made)
         found.append(made)
     for compiled, python in zip(*found, strict=True):
         np.testing.assert_allclose(compiled, python, rtol=2e-3, atol=2e-3)
@@ -31,7 +33,11 @@ def test_a_plane_of_moments_is_that_of_least_squares() -> None:
         np.testing.assert_allclose(
             moments[at][[0, 2]], [mean, np.average((x[at] - mean) ** 2, weights=w[at])], rtol=1e-3
         )
-        np.testing.assert_allclose(loose[0][place] * loose[1][place], np.linalg.inv(normal)[0, 0], rtol=1e-3)
+        inverse = np.linalg.inv(normal)
+        np.testing.assert_allclose(loose[0][place], inverse[0, 0], rtol=1e-3)
+        covariance = inverse @ (design.T @ ((window * w)[at][:, None] * design)) @ inverse
+        expected = covariance[0, 0] + spread * (covariance[1, 1] + covariance[2, 2])
+        np.testing.assert_allclose(loose[1][place], expected, rtol=2e-3)
 
 
 def test_a_bend_is_told_by_how_slopes_change() -> None:

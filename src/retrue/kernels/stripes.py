@@ -274,20 +274,22 @@ def misses(
     place: cython.const[cython.int][::1],
     seen: cython.const[cython.float][:, ::1],
     planes: cython.const[cython.float][:, :, ::1],
+    loose: cython.const[cython.float][:, :, ::1],
     width: cython.int,
     cell: cython.int,
     along: cython.Py_ssize_t,
     begin: cython.Py_ssize_t,
     sums: cython.float[:, :, ::1],
 ) -> None:
-    """`sums` (3, cell rows, cell columns), zero before, <- means of w off^2, of w and of 1, `off` from the own plane.
+    """`sums` (3, cell rows, cell columns), zero before, <- means of w off^2, of w, and of what w off^2 should be.
 
-    `planes` (3, cell rows, cell columns): value in the cell's centre, slopes along the axis and across it. The band
-    begins at row `begin` of the cells.
+    `planes` (3, cell rows, cell columns): value in the cell's centre, slopes along the axis and across it; `off` is
+    from the own. Of edges that scatter by 1 / w, w off^2 should be 1, less what the plane follows of them, `loose` as
+    `planes.solve` has it. The band begins at row `begin` of the cells.
     """
     cython.declare(k=cython.Py_ssize_t, y=cython.int, x=cython.int, r=cython.Py_ssize_t, c=cython.int, left=cython.int)
     cython.declare(a=cython.float, b=cython.float, off=cython.float, start=cython.int)
-    cython.declare(square=cython.float, weight=cython.float, number=cython.float)
+    cython.declare(square=cython.float, weight=cython.float, number=cython.float, followed=cython.float)
     cython.declare(count=cython.Py_ssize_t, middle=cython.float, per_pixel=cython.float)
     count, middle = place.shape[0], (cell - 1) / cython.cast(cython.float, 2)
     per_pixel = 1 / cython.cast(cython.float, cell * cell)
@@ -315,7 +317,8 @@ def misses(
             off = off - planes[1, r, left] * seen[1, k]
             square += off * off * seen[0, k]
             weight += seen[0, k]
-            number += 1
+            followed = (loose[0, r, left] + loose[0, r, left] - loose[1, r, left]) * per_pixel * seen[0, k]
+            number += 1 - followed if followed < 1 else 0
         if count:
             sums[0, r, left] += square * per_pixel
             sums[1, r, left] += weight * per_pixel

@@ -10,7 +10,7 @@ pixel of the cell; all sums are separable filters over cells.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from typing import cast
 
@@ -143,6 +143,9 @@ def _stripes_per_pixel(code: CodeImage, good: BoolArray, along: int) -> FloatIma
 class PlaneFitter:
     """Weighted least squares about every cell of a picture, in closed form from nine moments.
 
+    A window that a rim cuts off weighs its edges alike no more, and those nearest to it tell most: its planes' variance
+    is that of what they are sums of, by six moments more, with the window's square.
+
     x runs along the axis of comparison and y across it, both from the cell's centre. Bands of rows that begin at
     multiples of a cell may be taken by several threads at a time; each step needs the one before of the bands around.
     """
@@ -151,6 +154,7 @@ class PlaneFitter:
         height, self._width = shape
         cells = -(-height // cell), -(-self._width // cell)  # the last ones cut off by the border
         self._cell, self._along, self._largest_residual = cell, along, largest_residual
+        self._window, self._window_squared = (_kernels(cell, WINDOW_SIGMA / root) for root in (1.0, 2**0.5))
         self._sums, self._misses, self._planes, self._shape, self._loose = (
             np.zeros((count, *cells), np.float32) for count in (len(MOMENTS), 3, 3, 5, 2)
         )
@@ -168,18 +172,21 @@ class PlaneFitter:
         here = self._cells(rows)
         for around, inner, columns in self._windows(here):
             own: dict[str, FloatImage] = dict(zip(MOMENTS, self._sums[around], strict=True))
-            sums = _windowed(own, self._cell, self._along)
-            sums = np.stack([sums[name][inner] for name in MOMENTS])
+            squared = {name: own[name] for name in MOMENTS if "v" not in name}
+            sums, squares = (
+                np.stack([image[inner] for image in _windowed(moments, kernels, self._along).values()])
+                for moments, kernels in ((own, self._window), (squared, self._window_squared))
+            )
             planes, shape, loose = (np.empty((n, *sums.shape[1:]), np.float32) for n in (3, 5, 2))
-            planes_kernel.solve(sums, planes, shape, loose)
+            planes_kernel.solve(sums, squares, (self._cell**2 - 1) / 12, planes, shape, loose)
             for whole, part in ((self._planes, planes), (self._shape, shape), (self._loose, loose)):
                 whole[:, here, columns] = part
         planes, frame = self._planes, (self._width, self._cell, self._along, here.start)
-        kernel.misses(edges.place, edges.seen, planes, *frame, self._misses)
+        kernel.misses(edges.place, edges.seen, planes, self._loose, *frame, self._misses)
 
     def judge(self, rows: range) -> None:
         """Third: how well the planes of a band fit."""
-        here, window = self._cells(rows), _kernel(self._cell, 0)
+        here, window = self._cells(rows), self._window[0]
         for around, inner, columns in self._windows(here):
             missed = [_filtered(_filtered(own, window, 0), window, 1)[inner] for own in self._misses[around]]
             variance = np.empty(missed[0].shape, np.float32)
@@ -187,7 +194,7 @@ class PlaneFitter:
             planes_kernel.judge(
                 np.stack(missed),
                 np.ascontiguousarray(self._loose[:, here, columns]),
-                ((EDGE_SIGMA / self._cell) ** 2, 0.5 / self._cell**2),
+                ((EDGE_SIGMA / self._cell) ** 2, 1 / self._cell**2),
                 (self._largest_residual**2, LARGEST_SIGMA**2),
                 variance,
                 even,
@@ -212,8 +219,9 @@ class PlaneFitter:
 
     def _flat(self, here: tuple[slice, slice], whole: NDArray[np.uint8]) -> NDArray[np.uint8]:
         """1 where a whole window's edges miss their plane by no more than usual: where it folds they do."""
-        variance, share = self._variance[here], self._loose[0][here] * self._loose[1][here]
+        variance, share = self._variance[here], self._loose[1][here].copy()
         few = slice(None, None, FOLD_EVERY), slice(None, None, FOLD_EVERY)
+        whole = whole & (self._sums[0][here] > 0).view(np.uint8)
         told = whole[few].view(np.bool_)
         if not told.any():
             return whole
@@ -245,33 +253,26 @@ def _filled(cells: NDArray[np.uint8], axis: int) -> slice:
     return slice(max(int(filled[0]) - MARGIN, 0), int(filled[-1]) + MARGIN + 1) if len(filled) else slice(0, 1)
 
 
-def _windowed(own: dict[str, FloatImage], cell: int, along: int) -> dict[str, FloatImage]:
+def _windowed(own: dict[str, FloatImage], kernels: Sequence[FloatImage], along: int) -> dict[str, FloatImage]:
     """Sums over the window from sums over single cells: a moment about another centre takes the lower ones along."""
-    k0, k1, k2 = (_kernel(cell, power) for power in range(3))
-
-    def shifted(image: FloatImage, first: FloatImage, axis: int) -> FloatImage:
-        """Sum of first + offset * image."""
-        return _filtered(first, k0, axis) + _filtered(image, k1, axis)
-
-    def twice_shifted(image: FloatImage, first: FloatImage, second: FloatImage, axis: int) -> FloatImage:
-        """Sum of second + 2 offset * first + offset^2 * image."""
-        return shifted(2 * first, second, axis) + _filtered(image, k2, axis)
-
-    across = 1 - along
-    one, y, v = (_filtered(own[name], k0, along) for name in ("", "y", "v"))
-    x, xy, xv = (shifted(own[name], own["x" + name], along) for name in ("", "y", "v"))
-    xx = twice_shifted(own[""], own["x"], own["xx"], along)
-    yy, yv = (_filtered(own[name], k0, along) for name in ("yy", "yv"))
-    sums = {"": one, "x": x, "xx": xx, "v": v, "xv": xv}
-    sums = {name: _filtered(image, k0, across) for name, image in sums.items()}
-    sums |= {"y": shifted(one, y, across), "xy": shifted(x, xy, across), "yv": shifted(v, yv, across)}
-    return sums | {"yy": twice_shifted(one, y, yy, across)}
+    for letter, axis in (("x", along), ("y", 1 - along)):
+        own = {name: _moved(own, name, letter, kernels, axis) for name in own}
+    return own
 
 
-def _kernel(cell: int, power: int) -> FloatImage:
-    """The window along one axis, times offset^power in pixels."""
+def _moved(own: dict[str, FloatImage], name: str, letter: str, kernels: Sequence[FloatImage], axis: int) -> FloatImage:
+    """Sum over the window along one axis of (letter + offset)^power, and whatever else the moment is of."""
+    power, total = name.count(letter), _filtered(own[name], kernels[0], axis)
+    for taken in range(1, power + 1):
+        lower = _filtered(own[name.replace(letter, "", taken)], kernels[taken], axis)
+        total += lower if taken == power else 2 * lower
+    return total
+
+
+def _kernels(cell: int, spread: float) -> Sequence[FloatImage]:
+    """A Gaussian window along one axis, of so many cells, times offset^power in pixels, for powers 0 to 2."""
     offset = np.arange(-WINDOW_RADIUS, WINDOW_RADIUS + 1, dtype=np.float64)
-    return (np.exp(-0.5 * (offset / WINDOW_SIGMA) ** 2) * (cell * offset) ** power).astype(np.float32)
+    return [(np.exp(-0.5 * (offset / spread) ** 2) * (cell * offset) ** power).astype(np.float32) for power in range(3)]
 
 
 def _filtered(image: FloatImage, kernel: FloatImage, axis: int) -> FloatImage:
