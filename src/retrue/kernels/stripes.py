@@ -225,13 +225,12 @@ def moments(
     """
     cython.declare(k=cython.Py_ssize_t, m=cython.Py_ssize_t, y=cython.int, x=cython.int, c=cython.int)
     cython.declare(w=cython.float, a=cython.float, b=cython.float, wa=cython.float, wb=cython.float, wv=cython.float)
-    cython.declare(start=cython.int, left=cython.int, r=cython.int, top=cython.int)
+    cython.declare(start=cython.int, left=cython.int, r=cython.int, top=cython.int, count=cython.Py_ssize_t)
     own = cython.declare(cython.float[9])
-    cython.declare(count=cython.Py_ssize_t, middle=cython.float, per_pixel=cython.float)
-    count, middle = place.shape[0], (cell - 1) / cython.cast(cython.float, 2)
-    per_pixel = 1 / cython.cast(cython.float, cell * cell)
+    middle: cython.float = (cell - 1) / cython.cast(cython.float, 2)
+    per_pixel: cython.float = 1 / cython.cast(cython.float, cell * cell)
     with cython.nogil:
-        y = r = top = start = left = 0
+        y, r, top, start, left, count = 0, 0, 0, 0, 0, place.shape[0]
         for m in range(9):
             own[m] = 0
         for k in range(count + 1):  # row by row: sums of few numbers each lose least
@@ -283,19 +282,17 @@ def misses(
 ) -> None:
     """`sums` (3, cell rows, cell columns), zero before, <- means of w off^2, of w, and of what w off^2 should be.
 
-    `planes` (3, cell rows, cell columns): value in the cell's centre, slopes along the axis and across it; `off` is
-    from the own. Of edges that scatter by 1 / w, w off^2 should be 1, less what the plane follows of them, `loose` as
-    `planes.solve` has it. The band begins at row `begin` of the cells.
+    `off` is from the own of `planes` (3, cell rows, cell columns): value in the cell's centre, slopes along the axis and
+    across. Of edges that scatter by 1 / w, w off^2 should be 1, less what it follows of them, `loose` as of
+    `planes.solve`. The band begins at row `begin` of the cells.
     """
     cython.declare(k=cython.Py_ssize_t, y=cython.int, x=cython.int, r=cython.Py_ssize_t, c=cython.int, left=cython.int)
-    cython.declare(a=cython.float, b=cython.float, off=cython.float, start=cython.int)
+    cython.declare(a=cython.float, b=cython.float, off=cython.float, start=cython.int, count=cython.Py_ssize_t)
     cython.declare(square=cython.float, weight=cython.float, number=cython.float, followed=cython.float)
-    cython.declare(count=cython.Py_ssize_t, middle=cython.float, per_pixel=cython.float)
-    count, middle = place.shape[0], (cell - 1) / cython.cast(cython.float, 2)
-    per_pixel = 1 / cython.cast(cython.float, cell * cell)
+    middle: cython.float = (cell - 1) / cython.cast(cython.float, 2)
+    per_pixel: cython.float = 1 / cython.cast(cython.float, cell * cell)
     with cython.nogil:
-        y = start = left = 0
-        r = begin
+        y, start, left, r, count = 0, 0, 0, begin, place.shape[0]
         square = weight = number = 0
         for k in range(count):
             x = place[k] - start
@@ -317,7 +314,7 @@ def misses(
             off = off - planes[1, r, left] * seen[1, k]
             square += off * off * seen[0, k]
             weight += seen[0, k]
-            followed = (loose[0, r, left] + loose[0, r, left] - loose[1, r, left]) * per_pixel * seen[0, k]
+            followed = (2 * loose[0, r, left] - loose[1, r, left]) * per_pixel * seen[0, k]
             number += 1 - followed if followed < 1 else 0
         if count:
             sums[0, r, left] += square * per_pixel

@@ -8,14 +8,15 @@ from dataclasses import dataclass
 import numpy as np
 
 from retrue.geometry.arrays import FloatArray
-from retrue.geometry.robust import MAD_TO_SIGMA
+from retrue.geometry.robust import MAD_TO_SIGMA, biweight
 from retrue.geometry.transform import RigidTransform, skew
-from retrue.merging.pairs import Pair, counterparts, moved, normal_equations
-from retrue.merging.view import View
+from retrue.merging.pairs import Counterparts, Pair, counterparts, moved, normal_equations
+from retrue.merging.view import View, neighbour_tree
 
 MOST_STEPS = 15
 SETTLED = 1e-3  # of the cell: points move less than this
 LOOP_FREEDOM = 6
+RINGS = 16  # of one cell each, about a counterpart; beyond, what all share is held to be a pose
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -98,17 +99,47 @@ def adjust(
         poses = {view: moved(pose, step[6 * place[view] : 6 * place[view] + 6]) for view, pose in poses.items()}
         if _largest_move(views, poses, step, place) < SETTLED * cell:
             break
+    settled = {
+        (first, second): counterparts(views[first], views[second], poses[first].inverse() @ poses[second], cell)
+        for first, second in pairs
+    }
     covariance = np.zeros((size, size))
-    shared = float(np.mean([views[view].shared for view in order]))
-    covariance[6:, 6:] = shared * level**2 * np.linalg.inv(information[6:, 6:])
+    of_gradients, of_poses = shared_errors(list(settled.values()), level, cell)
+    covariance[6:, 6:] = of_poses * level**2 * np.linalg.inv(information[6:, 6:])
     residuals: dict[tuple[int, int], tuple[float, int]] = {}
     closures: dict[tuple[int, int], float] = {}
-    for first, second in pairs:
-        found = counterparts(views[first], views[second], poses[first].inverse() @ poses[second], cell)
+    for (first, second), found in settled.items():
         H, g, _ = normal_equations(found, level)
-        closures[first, second] = float(np.sqrt(max(g @ np.linalg.pinv(H) @ g, 0.0) / LOOP_FREEDOM / shared) / level)
+        missed = max(g @ np.linalg.pinv(H) @ g, 0.0) / LOOP_FREEDOM / of_gradients
+        closures[first, second] = float(np.sqrt(missed) / level)
         residuals[first, second] = (float(np.sqrt(np.mean(found.distance**2))), len(found.distance))
     return Adjusted(poses, covariance, level, residuals, closures)
+
+
+def shared_errors(pairs: Sequence[Counterparts], level: float, cell: float) -> tuple[float, float]:
+    """How many times the variance of gradients, and that of poses, is what it were if each counterpart erred by itself.
+
+    Neighbours share errors: they were thinned from the same points, and decoders smooth. A turn or shift is a sum over
+    the whole surface, of whose variance sum_ij psi_i psi_j is what is seen, psi the residuals of counterparts under
+    Tukey's biweight: each by itself, and pairs as far apart as they are alike, to the first ring that shows otherwise.
+    A pose yields to a gradient by the slopes of psi, where `normal_equations` have its weights.
+
+    Sources: Geyer, "Practical Markov chain Monte Carlo", Statistical Science 7, 1992 (where to stop); Conley, "GMM
+    estimation with cross sectional dependence", Journal of Econometrics 92, 1999.
+    """
+    rings, weight, slope = np.zeros(RINGS + 1), 0.0, 0.0
+    for found in pairs:
+        z = found.distance / (level * found.sigma)
+        weights = biweight(z)
+        psi = weights * z
+        rings[0] += psi @ psi
+        weight, slope = weight + weights.sum(), slope + (5 * weights - 4 * np.sqrt(weights)).sum()
+        a, b = neighbour_tree(found.places).query_pairs(RINGS * cell, output_type="ndarray").T
+        apart = np.linalg.norm(found.places[a] - found.places[b], axis=1) / cell
+        rings[1:] += 2 * np.bincount(np.minimum(apart.astype(int), RINGS - 1), psi[a] * psi[b], RINGS)
+    alone = np.flatnonzero(rings < 0)
+    gradients = float(rings[: alone[0] if len(alone) else None].sum() / weight)
+    return gradients, gradients * float(weight / slope) ** 2
 
 
 def _adjoint(object_from_view: RigidTransform) -> FloatArray:

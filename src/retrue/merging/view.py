@@ -28,7 +28,6 @@ class View:
     sigma : (N,) standard deviation along the normal, as far as the view itself tells.
     rays : (N, 2) where the camera sees them, X / Z and Y / Z.
     noise : one standard deviation of such a point along its normal, in the view's unit.
-    shared : how many of these points every point of the cloud has a say in.
     tree, ray_tree, prepared : to ask for neighbours, and what small_gicp keeps of the points.
     """
 
@@ -37,7 +36,6 @@ class View:
     sigma: FloatArray
     rays: FloatArray
     noise: float
-    shared: float
     tree: Any
     ray_tree: Any
     prepared: Any
@@ -80,7 +78,6 @@ def make_view(points: FloatArray, sigma: FloatArray | None, cell: float) -> View
     shape = np.sqrt((along[near] ** 2).mean(axis=1)) * np.hypot(cosine, SIDEWAYS)
     noise = float(np.sqrt(np.median(variance[flat])))
     smoothed = noise / np.sqrt(PATCH / 3)  # the height of a quadric at its middle, of so many points
-    shared = max(1.0, len(thin) * PATCH / len(points))
     rays = thin[:, :2] / thin[:, 2:]
     return View(
         thin,
@@ -88,7 +85,6 @@ def make_view(points: FloatArray, sigma: FloatArray | None, cell: float) -> View
         smoothed * shape / np.median(shape),
         rays,
         smoothed,
-        shared,
         neighbour_tree(thin),
         neighbour_tree(rays),
         _prepared(thin),

@@ -1,0 +1,106 @@
+"""Views of an object on a turntable, decoded from their pictures: is a merge as sure of its poses as it says?
+
+    python -m benchmarks.object.turn [SEED] [VIEWS]
+
+Points of a decoded view err together over many pixels. Of each pair of neighbours, what turn and shift its surfaces
+want of the true pose, in sigmas of the pair, RMS over six numbers; of the poses, their squared errors in their own
+covariance, by six. Both are 1 where sigmas are right.
+"""
+
+from __future__ import annotations
+
+import sys
+
+import numpy as np
+
+from benchmarks.object.scenes import PATTERNS, make_rig, take
+from retrue.geometry.transform import RigidTransform
+from retrue.merging import merge as merging
+from retrue.merging.graph import LOOP_FREEDOM, Adjusted, shared_errors
+from retrue.merging.pairs import counterparts, normal_equations
+from retrue.merging.view import View
+from retrue.reconstruction.cloud import Cloud
+from retrue.reconstruction.reconstruct import reconstruct
+from retrue.simulation.scene import Scene
+from retrue.simulation.surfaces import Box, Paint, Sphere, Surface
+
+DISTANCE = 640.0  # mm
+AXIS = np.array([0.05, 0.99, 0.1]) / np.linalg.norm([0.05, 0.99, 0.1])
+SPREAD = np.array([45.0, 50.0, 45.0])  # of the parts about the axis
+PAINT = Paint((0.8, 0.8, 0.8))
+
+
+def make_object(seed: int, camera_from_object: RigidTransform) -> Scene:
+    """Seven balls and four boxes grown into each other."""
+    rng = np.random.default_rng([seed, 77])
+    things: list[Surface] = []
+    for _ in range(7):
+        middle = rng.normal(size=3) * SPREAD
+        things.append(Sphere(camera_from_object.apply(middle[None])[0], rng.uniform(25, 45), PAINT))
+    for _ in range(4):
+        middle = rng.normal(size=3) * SPREAD
+        pose = camera_from_object @ RigidTransform.from_rotation_vector(rng.uniform(-1, 1, 3), middle)
+        things.append(Box(pose, tuple(rng.uniform(20, 40, 3).tolist()), PAINT))
+    return Scene(things, (0.04, 0.04, 0.04), bright_at=DISTANCE)
+
+
+def make_views(seed: int, count: int) -> tuple[list[Cloud], list[RigidTransform]]:
+    """Their clouds, and the true camera_from_object of each."""
+    rig, pattern = make_rig((640, 480)), PATTERNS["gray code"]()
+    clouds: list[Cloud] = []
+    poses: list[RigidTransform] = []
+    for view in range(count):
+        turn = RigidTransform.from_rotation_vector(2 * np.pi * view / count * AXIS, [0.0, 0.0, 0.0])
+        poses.append(RigidTransform(turn.R, np.array([0.0, 10.0, DISTANCE])))
+        shot = take(rig, make_object(seed, poses[-1]), pattern, DISTANCE, 1000 * seed + view)
+        clouds.append(reconstruct(rig, shot.points))
+    return clouds, poses
+
+
+def main(seed: int, count: int) -> None:
+    clouds, poses = make_views(seed, count)
+    kept: list[tuple[list[View], list[tuple[int, int]], float, Adjusted]] = []
+    adjust = merging.adjust
+
+    def watched(
+        views: list[View], start: dict[int, RigidTransform], pairs: list[tuple[int, int]], cell: float
+    ) -> Adjusted:
+        kept.append((views, list(pairs), cell, adjust(views, start, pairs, cell)))
+        return kept[-1][-1]
+
+    merging.adjust = watched
+    print(merging.merge(clouds))
+    views, pairs, cell, adjusted = kept[-1]
+    settled = [
+        counterparts(views[i], views[j], adjusted.poses[i].inverse() @ adjusted.poses[j], cell) for i, j in pairs
+    ]
+    shared, _ = shared_errors(settled, adjusted.level, cell)
+    wanted: list[float] = []
+    for i, j in pairs:
+        H, g, _ = normal_equations(
+            counterparts(views[i], views[j], poses[i] @ poses[j].inverse(), cell), adjusted.level
+        )
+        wanted.append(float(g @ np.linalg.pinv(H) @ g) / LOOP_FREEDOM / shared / adjusted.level**2)
+    print(f"counterparts err alike: gradients vary {shared:.1f} times as much as if each erred by itself")
+    print(
+        f"{len(pairs)} pairs: error in sigmas, RMS {np.sqrt(np.mean(wanted)):.2f}, largest {np.sqrt(max(wanted)):.2f}"
+    )
+    print(f"poses: squared error in their covariance, by six, mean {np.mean(_off(adjusted, poses)):.2f}")
+
+
+def _off(adjusted: Adjusted, poses: list[RigidTransform]) -> list[float]:
+    from scipy.spatial.transform import Rotation
+
+    first, *others = adjusted.poses
+    found: list[float] = []
+    for place, view in enumerate(others, start=1):
+        off = adjusted.poses[view] @ (poses[first] @ poses[view].inverse()).inverse()
+        move = np.append(Rotation.from_matrix(off.R).as_rotvec(), off.t)
+        own = slice(6 * place, 6 * place + 6)
+        found.append(float(move @ np.linalg.solve(adjusted.covariance[own, own], move)) / LOOP_FREEDOM)
+    return found
+
+
+if __name__ == "__main__":
+    words = [int(word) for word in sys.argv[1:]]
+    main(*(words[k] if k < len(words) else usual for k, usual in enumerate((1, 12))))
