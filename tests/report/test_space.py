@@ -176,3 +176,34 @@ def test_clicks_measure_a_slider_compares_and_planes_cut(tmp_path, width):
         assert 0.35 < cut < 0.65
         assert not errors
         browser.close()
+
+
+@pytest.mark.skipif(BROWSER is None, reason="chromium is not installed")
+@pytest.mark.parametrize("width", [1280, 390])
+def test_slow_frames_hold_fewer_points_and_a_view_at_rest_all(tmp_path, width):
+    from playwright.sync_api import sync_playwright
+
+    write_view(tmp_path / "view.html", plane(150_000))
+    with sync_playwright() as play:
+        flags = ["--no-sandbox", "--use-angle=swiftshader", "--enable-unsafe-swiftshader", "--ignore-gpu-blocklist"]
+        browser = play.chromium.launch(executable_path=BROWSER, args=flags)
+        page = browser.new_page(viewport={"width": width, "height": 800})
+        page.goto((tmp_path / "view.html").as_uri())
+        page.wait_for_selector(".space[data-drawn='150000']")
+        slow, slower, fast = page.evaluate(
+            """() => [80, 800, 5].map((milliseconds) => {
+              const space = document.querySelector('.space').space;
+              for (let frame = 0; frame < (milliseconds < 20 ? 200 : 2); frame++) space.learn(milliseconds);
+              space.before = null; space.move(); space.frame();
+              return [space.drawn, space.root.querySelector('.thinned')?.textContent];
+            })"""
+        )
+        assert 5_000 <= slower[0] < slow[0] < 50_000
+        assert slower[1] == f"{slower[0]:,} of 150,000 points while it moves"
+        assert fast == [150_000, None]
+        page.evaluate(
+            "document.querySelector('.space').space.learn(800), document.querySelector('.space').space.move()"
+        )
+        page.wait_for_selector(".space[data-drawn='150000']")
+        page.wait_for_selector(".thinned", state="detached")
+        browser.close()

@@ -282,8 +282,8 @@ def misses(
 ) -> None:
     """`sums` (3, cell rows, cell columns), zero before, <- means of w off^2, of w, and of what w off^2 should be.
 
-    `off` is from the own of `planes` (3, cell rows, cell columns): value in the cell's centre, slopes along the axis and
-    across. Of edges that scatter by 1 / w, w off^2 should be 1, less what it follows of them, `loose` as of
+    `off` is from the own of `planes` (3, cell rows, cell columns): value in the cell's centre, slopes along the axis
+    and across. Of edges that scatter by 1 / w, w off^2 should be 1, less what it follows of them, `loose` as of
     `planes.solve`. The band begins at row `begin` of the cells.
     """
     cython.declare(k=cython.Py_ssize_t, y=cython.int, x=cython.int, r=cython.Py_ssize_t, c=cython.int, left=cython.int)

@@ -337,6 +337,11 @@ class Space {
     this.mark();
   }
 
+  // To two digits: of what changes from frame to frame, no more can be read.
+  few(count) {
+    return Number(count.toPrecision(2)).toLocaleString("en");
+  }
+
   length(value) {
     const known = this.spec.unit in METRES && this.unit in METRES;
     const shown = known ? value * METRES[this.spec.unit] / METRES[this.unit] : value;
@@ -350,7 +355,8 @@ class Space {
     this.write(overlay, places.map(([x, y]) => `<circle cx="${x}" cy="${y}" r="5"/>`).join("")
       + (places.length === 2 ? `<line x1="${places[0][0]}" y1="${places[0][1]}" x2="${places[1][0]}" y2="${places[1][1]}"/>` : "")
       + (this.compared ? `<line class="split" x1="${this.split * wide}" y1="0" x2="${this.split * wide}" y2="${this.canvas.clientHeight}"/>` : "")
-      + labels.map(([[x, y], text]) => `<text x="${x.toFixed(1)}" y="${y.toFixed(1)}">${text.replace(/[&<]/g, (c) => ({ "&": "&amp;", "<": "&lt;" })[c])}</text>`).join(""));
+      + labels.map(([[x, y], text]) => `<text x="${x.toFixed(1)}" y="${y.toFixed(1)}">${text.replace(/[&<]/g, (c) => ({ "&": "&amp;", "<": "&lt;" })[c])}</text>`).join("")
+      + (this.moving && this.drawn < this.total ? `<text class="thinned" x="10" y="20">${this.few(this.drawn)} of ${this.few(this.total)} points while it moves</text>` : ""));
     const say = this.measured();
     this.root.querySelector(".truth").hidden = this.clicks.length < 2;
     if (this.root.querySelector(".measured").textContent !== say) this.root.querySelector(".measured").textContent = say;
