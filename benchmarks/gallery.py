@@ -11,7 +11,6 @@ import io
 import shutil
 import sys
 import tempfile
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -22,6 +21,7 @@ import retrue
 from benchmarks.view import FLAGS
 from retrue.patterns.layouts import layout_sequence
 from retrue.reconstruction.cloud import Cloud, Mesh
+from retrue.reconstruction.mesh import surface_faces
 
 DATA = Path(__file__).parents[2] / "shared" / "data"
 SETTLED = """() => new Promise((done) => {
@@ -38,22 +38,24 @@ PAGE, PAIR = (760, 800), (550, 656)
 
 
 def scanned(rig: Path, folder: Path, layout: str, projector: tuple[int, int], axes: list[str] | None) -> Cloud:
-    """The cloud of a folder, smoothed, with normals."""
+    """The cloud of a folder, smoothed, of its largest surfaces, small holes closed, with normals."""
     pattern = layout_sequence(layout, projector, axes)
     points = retrue.decode(pattern, retrue.read_folder(folder)[0])
     options = retrue.ReconstructOptions(smooth=True)
-    return retrue.with_normals(retrue.reconstruct(retrue.read_rig(rig, unit="mm"), points, options))
+    cloud = retrue.fill_holes(retrue.reconstruct(retrue.read_rig(rig, unit="mm"), points, options))
+    return retrue.with_normals(in_largest(cloud))
 
 
-def largest(mesh: Mesh) -> Mesh:
-    """Its largest piece, and those that have a tenth of its faces."""
-    links = np.concatenate([mesh.faces[:, :2], mesh.faces[:, 1:]])
-    count = len(mesh.points)
-    graph = sparse.coo_array((np.ones(len(links)), links.T), shape=(count, count))
-    piece = sparse.csgraph.connected_components(graph, directed=False)[1][mesh.faces[:, 0]]
+def in_largest(cloud: Cloud) -> Cloud:
+    """What is of its largest surface, or of one that has a tenth of its faces."""
+    faces = surface_faces(cloud)
+    links = np.concatenate([faces[:, :2], faces[:, 1:]])
+    graph = sparse.coo_array((np.ones(len(links)), links.T), shape=(len(cloud), len(cloud)))
+    piece = sparse.csgraph.connected_components(graph, directed=False)[1][faces[:, 0]]
     sizes = np.bincount(piece)
-    used, faces = np.unique(mesh.faces[sizes[piece] > 0.1 * sizes.max()], return_inverse=True)
-    return replace(mesh, points=mesh.points[used], colors=mesh.colors[used], faces=faces.reshape(-1, 3))
+    found = np.zeros(len(cloud), np.bool_)
+    found[faces[sizes[piece] > 0.1 * sizes.max()]] = True
+    return cloud.select(found)
 
 
 def shown(model: Cloud | Mesh, title: str, color: str, size: tuple[int, int], *, whole: bool) -> Image.Image:
@@ -85,7 +87,13 @@ def main(folder: Path) -> None:
     shell = shells.select(x / z < (np.min(x / z) + np.max(x / z)) / 2)
     parts = [
         shown(skull, "scan", "normal", PAIR, whole=False),
-        shown(largest(retrue.make_mesh(shell)), "scan", "true colour", PAIR, whole=False),
+        shown(
+            retrue.make_mesh(in_largest(shell)),
+            "scan",
+            "true colour",
+            PAIR,
+            whole=False,
+        ),
     ]
     pair = Image.new("RGB", (sum(part.width for part in parts), max(part.height for part in parts)), (38, 42, 50))
     for number, part in enumerate(parts):
