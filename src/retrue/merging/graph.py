@@ -16,6 +16,7 @@ from retrue.merging.view import View, neighbour_tree
 MOST_STEPS = 15
 SETTLED = 1e-3  # of the cell: points move less than this
 LOOP_FREEDOM = 6
+MOST_ASKED = 4000  # counterparts of a pair, whose neighbours tell how far errors are alike
 RINGS = 16  # of one cell each, about a counterpart; beyond, what all share is held to be a pose
 
 
@@ -134,9 +135,12 @@ def shared_errors(pairs: Sequence[Counterparts], level: float, cell: float) -> t
         psi = weights * z
         rings[0] += psi @ psi
         weight, slope = weight + weights.sum(), slope + (5 * weights - 4 * np.sqrt(weights)).sum()
-        a, b = neighbour_tree(found.places).query_pairs(RINGS * cell, output_type="ndarray").T
-        apart = np.linalg.norm(found.places[a] - found.places[b], axis=1) / cell
-        rings[1:] += 2 * np.bincount(np.minimum(apart.astype(int), RINGS - 1), psi[a] * psi[b], RINGS)
+        asked = np.arange(0, len(psi), -(-len(psi) // MOST_ASKED))
+        tree, few = neighbour_tree(found.places), neighbour_tree(found.places[asked])
+        near = few.sparse_distance_matrix(tree, RINGS * cell, output_type="ndarray")
+        one, other, apart = asked[near["i"]], near["j"], np.minimum((near["v"] / cell).astype(int), RINGS - 1)
+        alike = np.where(one == other, 0.0, psi[one] * psi[other])
+        rings[1:] += len(psi) / len(asked) * np.bincount(apart, alike, RINGS)
     alone = np.flatnonzero(rings < 0)
     gradients = float(rings[: alone[0] if len(alone) else None].sum() / weight)
     return gradients, gradients * float(weight / slope) ** 2
