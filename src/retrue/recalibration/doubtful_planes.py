@@ -166,8 +166,9 @@ def _explains_more(alone: Posterior, posterior: Posterior) -> bool:
     level = posterior.fit.epipolar_noise.level
     near = np.abs(epipolar_residuals(posterior.pose, posterior.points)) < CUTOFF * level
     aside = posterior.measured.aside
-    copies = [part.rows for part in posterior.parts if part.name == A_COPY and part.missed.shape[1] == 2]
-    explained = int(np.count_nonzero(np.any([near if aside is None else near & ~aside, *copies], axis=0)))
+    copies = [part for part in posterior.parts if part.name == A_COPY and part.missed.shape[1] == 2]
+    copied = [part.rows for part in copies if part.seldom < 1]  # of what is there
+    explained = int(np.count_nonzero(np.any([near if aside is None else near & ~aside, *copied], axis=0)))
     enough = max(explained + FEWEST_ELSEWHERE, MOST * len(near))
     return int(np.count_nonzero(alone.fit.explained)) >= enough and alone.fit.epipolar_noise.level < MUCH_LOUDER * level
 
