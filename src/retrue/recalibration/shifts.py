@@ -9,7 +9,7 @@ import numpy as np
 from retrue.geometry.arrays import BoolArray, FloatArray, IntArray
 from retrue.geometry.two_view import FREE
 from retrue.kernels import copies as kernel
-from retrue.recalibration.bows import bend_at
+from retrue.recalibration.bows import BOWS, bend_at
 from retrue.recalibration.posterior import Posterior
 
 MOST_COPIED = 3  # planes, the largest
@@ -86,4 +86,4 @@ def _bend(posterior: Posterior, rows: IntArray, plane: int) -> FloatArray:
     if not len(mine) or not bows[plane].any():
         return np.zeros(len(rows))
     rays, mine = posterior.points.camera_rays, mine[:: max(len(mine) // ENOUGH, 1)]
-    return bend_at(rays[rows], rays[mine], shares[mine] @ bows[plane])
+    return bend_at(rays[rows], rays[mine], shares[mine] @ bows[plane], 2 if bows.shape[1] == BOWS else 3)
