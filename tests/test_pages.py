@@ -37,7 +37,7 @@ def test_a_result_writes_its_page(name: str, tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("name", "changed", "said"),
     [
-        ("Accepted", {"rig": None}, "rig: expected a Rig, found None"),
+        ("Accepted", {"rig": None}, r"rig: expected what the job was given, found None; report\(path, rig=rig, "),
         ("Accepted", {"captures": ()}, "captures: expected at least one, found none"),
         ("Refused", {"pictures": [PICTURE, PICTURE]}, "pictures: expected at most one of each capture, 1, found 2"),
         ("Cloud", {"captures": 2}, "captures: expected the one that the cloud was made of, found 2"),

@@ -123,9 +123,10 @@ def _page(
 ) -> Page:
     if isinstance(result, Calibrated | RefusedCalibration):
         return _calibration_page(result, sizes)
+    if rig is None:
+        raise InputError("rig: expected what the job was given, found None; report(path, rig=rig, captures=[points])")
     require_rig(rig)
     require_captures(captures)
-    assert rig is not None
     listed: Any = pictures
     if isinstance(listed, str) or not isinstance(listed, Sequence):
         raise InputError(f"pictures: expected a list of pictures, found {in_brief(pictures)}")

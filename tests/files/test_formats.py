@@ -198,7 +198,7 @@ def test_a_unit_that_no_file_could_hold_is_refused(unit: str, tmp_path: Path) ->
 
 def test_arguments_that_contradict_the_file_are_refused(tmp_path: Path) -> None:
     write_rig(tmp_path / "rig.xml", make_rig(), "slstudio")
-    with pytest.raises(FileError, match="projector_size: the file says 1024 x 768, you say 800 x 600"):
+    with pytest.raises(FileError, match="projector_size: the file says 1024 x 768, but it is 800 x 600"):
         read_rig(tmp_path / "rig.xml", unit="mm", projector_size=(800, 600))
     write_rig(tmp_path / "rig.json", make_rig())
     with pytest.raises(FileError, match="unit: the file says 'mm', you say 'm'"):

@@ -222,7 +222,8 @@ def settled_size(path: Path, tool: str, name: str, stored: Size | None, given: S
     if stored is None and given is None:
         raise asking(path, tool, {name: None})
     if stored is not None and given is not None and tuple(given) != stored:
-        raise FileError(path, f"{name}: the file says {stored[0]} x {stored[1]}, you say {given[0]} x {given[1]}")
+        said, wanted = (f"{width} x {height}" for width, height in (stored, given))
+        raise FileError(path, f"{name}: the file says {said}, but it is {wanted}: is this the device's own file?")
     return stored or (given if given is not None else (0, 0))
 
 
