@@ -87,13 +87,7 @@ def main(folder: Path) -> None:
     shell = shells.select(x / z < (np.min(x / z) + np.max(x / z)) / 2)
     parts = [
         shown(skull, "scan", "normal", PAIR, whole=False),
-        shown(
-            retrue.make_mesh(in_largest(shell)),
-            "scan",
-            "true colour",
-            PAIR,
-            whole=False,
-        ),
+        shown(retrue.make_mesh(in_largest(shell)), "scan", "true colour", PAIR, whole=False),
     ]
     pair = Image.new("RGB", (sum(part.width for part in parts), max(part.height for part in parts)), (38, 42, 50))
     for number, part in enumerate(parts):

@@ -14,7 +14,7 @@ import sys
 import numpy as np
 
 from benchmarks.object.scenes import PATTERNS, make_rig, take
-from retrue.geometry.transform import RigidTransform
+from retrue.geometry.transform import RigidTransform, vector_from_rotation
 from retrue.merging import merge as merging
 from retrue.merging.graph import LOOP_FREEDOM, Adjusted, shared_errors
 from retrue.merging.pairs import counterparts, normal_equations
@@ -70,6 +70,8 @@ def main(seed: int, count: int) -> None:
 
     merging.adjust = watched
     print(merging.merge(clouds))
+    if not kept:
+        sys.exit("no view was tied to another: ask for more")
     views, pairs, cell, adjusted = kept[-1]
     settled = [
         counterparts(views[i], views[j], adjusted.poses[i].inverse() @ adjusted.poses[j], cell) for i, j in pairs
@@ -89,13 +91,11 @@ def main(seed: int, count: int) -> None:
 
 
 def _off(adjusted: Adjusted, poses: list[RigidTransform]) -> list[float]:
-    from scipy.spatial.transform import Rotation
-
     first, *others = adjusted.poses
     found: list[float] = []
     for place, view in enumerate(others, start=1):
         off = adjusted.poses[view] @ (poses[first] @ poses[view].inverse()).inverse()
-        move = np.append(Rotation.from_matrix(off.R).as_rotvec(), off.t)
+        move = np.append(vector_from_rotation(off.R), off.t)
         own = slice(6 * place, 6 * place + 6)
         found.append(float(move @ np.linalg.solve(adjusted.covariance[own, own], move)) / LOOP_FREEDOM)
     return found
