@@ -63,9 +63,8 @@ def surfaces_of(fit: Posterior, bent: BoolArray) -> BoolArray:
     """
     if not bent.any():
         return bent
-    known = np.zeros_like(bent) if fit.measured.curved is None else fit.measured.curved
     try:
-        measured = replace(fit.measured, curved=known | bent)
+        measured = replace(fit.measured, curved=fit.measured.may_be_curved(len(bent)) | bent)
         curved = fit_posterior(measured, fit.parameters.as_curved(bent), fit.prior, ITERATIONS)
         determined = bool(np.isfinite(curved.covariance).all())
     except DegenerateError:

@@ -10,7 +10,7 @@ from typing import Literal
 import numpy as np
 
 from retrue.errors import DegenerateError
-from retrue.geometry.arrays import BoolArray, FloatArray
+from retrue.geometry.arrays import FloatArray
 from retrue.geometry.robust import biweight_loss
 from retrue.geometry.two_view import POSE_PARAMETERS, TwoViewPose
 from retrue.recalibration.bows import BOWS, CURVED, bow_shapes
@@ -249,7 +249,7 @@ def _curved(measured: Measured, parameters: Parameters, degree: int) -> tuple[Me
     """The same with all its planes as curved surfaces, of polynomials of that degree, each as large as the bows."""
     shapes = bow_shapes(measured.support.points, degree)
     larger = float(np.sqrt(shapes.shape[1] / BOWS))
-    flat = _flat(measured, parameters)
+    flat = ~measured.may_be_curved(len(parameters.bows))
     bows = np.zeros((len(flat), shapes.shape[1]))
     bows[:, :BOWS] = parameters.as_curved(flat).bows
     measured = replace(measured, shapes=shapes, flatness=larger * measured.flatness, curved=np.ones_like(flat))
@@ -258,12 +258,8 @@ def _curved(measured: Measured, parameters: Parameters, degree: int) -> tuple[Me
 
 def _price_of_curving(measured: Measured, curved: Posterior) -> float:
     """Chi-square that the bows of planes cost which may be curved now, and might not before."""
-    return 2 * float(np.log(CURVED)) * curved.parameters.bows[_flat(measured, curved.parameters)].size
-
-
-def _flat(measured: Measured, parameters: Parameters) -> BoolArray:
-    """(P,) planes that may not be curved."""
-    return ~(np.zeros(len(parameters.bows), dtype=np.bool_) if measured.curved is None else measured.curved)
+    bows = curved.parameters.bows
+    return 2 * float(np.log(CURVED)) * bows[~measured.may_be_curved(len(bows))].size
 
 
 def _preferred(held: Posterior, free: Posterior, part: Part | None, price: float) -> float:

@@ -63,6 +63,10 @@ class Measured:
         """Planes by those bows (P, B), and what share of its plane's disparity each moves a point by."""
         return self._bends, np.ascontiguousarray(bows)
 
+    def may_be_curved(self, planes: int) -> BoolArray:
+        """(P,) which of so many planes may be `CURVED` times as bowed as walls are."""
+        return np.zeros(planes, dtype=np.bool_) if self.curved is None else self.curved
+
     def seen(self, lens: FloatArray) -> TwoViewPoints:
         """The rays through changed lenses (8,); their noise is one of pixels."""
         points = self.support.points

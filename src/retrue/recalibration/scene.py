@@ -51,9 +51,9 @@ class Scene:
     curved : (P,) planes that may be as curved as balls and faces are.
     neighbours : (M, 4) of the few.
     noise, local : of a match, see `match_noise`.
+    photographs : whether all matches are of the scene's own texture.
     shape, shape_of_all : of the noise of the few and of all, where it is not alike along all axes.
     light : of the few, where any capture says it.
-    photographs : whether all matches are of the scene's own texture.
     """
 
     rig: Rig
@@ -67,10 +67,10 @@ class Scene:
     neighbours: IntArray
     noise: float
     local: float
-    shape: NoiseShape | None
-    shape_of_all: NoiseShape | None
-    light: Light | None
     photographs: bool
+    shape: NoiseShape | None = None
+    shape_of_all: NoiseShape | None = None
+    light: Light | None = None
 
     def measured(self) -> Measured:
         """Of the few."""
@@ -133,13 +133,11 @@ def scene_of(
     few = rays.select(~turned).thinned(COMPARED_POINTS, rng)
     flat = np.zeros(len(homographies), dtype=np.bool_)
     photographs = all(capture.card is not None and capture.card.counted == "features" for capture in captures)
-    scene = Scene(
-        rig, captures, options, rays, few, turned, homographies, flat, nearest_points(few), noise, local, None, None,
-        None, photographs,
-    )  # fmt: skip
+    neighbours = nearest_points(few)
+    scene = Scene(rig, captures, options, rays, few, turned, homographies, flat, neighbours, noise, local, photographs)
     if not photographs:
-        between = planes_between(few.points.plane_index, scene.neighbours, len(homographies))
+        between = planes_between(few.points.plane_index, neighbours, len(homographies))
         scene = scene.without_planes(between)
-    shape = noise_shape(scene.few.points, scene.homographies, scene.neighbours)
+    shape = noise_shape(scene.few.points, scene.homographies, neighbours)
     shape_of_all = None if shape is None else shape.of(scene.rays.points, scene.homographies)
     return replace(scene, shape=shape, shape_of_all=shape_of_all, light=light_of(rig, captures, scene.few))
