@@ -7,15 +7,20 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy import ndimage
 from scipy.sparse import csr_matrix
 
 from retrue.geometry.arrays import FloatArray
 from retrue.rig import Rig
-from retrue.simulation.scene import BAND, Scene, look, pixel_grid
+from retrue.simulation.scene import BAND, Scene, Seen, look, pixel_grid
 
 Light = NDArray[np.float32]
 """(h, w, 3): 1 is a white wall in the projector's white."""
 SHARE_OF_A_PIXEL = 0.4  # standard deviation of the light that a camera pixel gathers, in widths of that pixel
+EDGE = 0.02  # difference of light between neighbours from which on a pixel is more than its middle
+RAYS = (np.stack([np.arange(16), 7 * np.arange(16) % 16], axis=-1) + 0.5) / 16 - 0.5
+"""Within such a pixel: no two in one row or column, so that edges along either still move by a sixteenth."""
+PIXELS_AT_A_TIME = 4096
 WIDEST_STEP = 0.5  # variance that three neighbours can blur by at a time; of more, the middle would be the least
 
 
@@ -63,14 +68,14 @@ def blurred(light: Light, sigma: float) -> Light:
 def find_transport(rig: Rig, scene: Scene, projector_blur_px: float = 0.4) -> LightTransport:
     """Follow the ray of each camera pixel to the projector.
 
-    Lambert shading, gloss and shadows as `render` has them; no light from surface to surface. It knows nothing of how
-    pictures are decoded.
+    Lambert shading, gloss and shadows as `render` has them; no light from surface to surface. What returns at edges,
+    of print, of things and of shadows, is the mean over the pixel. It knows nothing of how pictures are decoded.
     """
     (width, height), (projector_width, projector_height) = rig.camera.size, rig.projector.size
     bands = [np.arange(top, min(top + BAND, height)) for top in range(0, height, BAND)]
     seen = [look(rig, scene, pixel_grid(rows, np.arange(width))) for rows in bands]
-    at = np.concatenate([np.where(part.visible[..., None], part.projector_px, 0.0).reshape(-1, 2) for part in seen])
-    at = np.clip(at, 0, np.array([projector_width, projector_height]) - 1.0)
+    gain, room, at = _gathered(rig, scene, seen)
+    at = np.clip(at.reshape(-1, 2), 0, np.array([projector_width, projector_height]) - 1.0)
     corner = np.minimum(at.astype(np.int32), np.array([projector_width, projector_height], dtype=np.int32) - 2)
     (fx, fy), (x, y) = (at - corner).T, corner.T
     columns = np.stack(
@@ -83,10 +88,31 @@ def find_transport(rig: Rig, scene: Scene, projector_blur_px: float = 0.4) -> Li
     return LightTransport(
         size=rig.camera.size,
         weights=csr_matrix((values.astype(np.float32).ravel(), columns.astype(np.int32).ravel(), starts), shape=shape),
-        gain=np.concatenate([part.gain.reshape(-1, 3) for part in seen]).astype(np.float32),
-        room=np.concatenate([part.room.reshape(-1, 3) for part in seen]).astype(np.float32),
+        gain=gain.reshape(-1, 3).astype(np.float32),
+        room=room.reshape(-1, 3).astype(np.float32),
         blur_px=float(np.hypot(projector_blur_px, SHARE_OF_A_PIXEL * _projector_pixels_per_camera_pixel(rig, at))),
     )
+
+
+def _gathered(rig: Rig, scene: Scene, seen: list[Seen]) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Gain and room (h, w, 3), and the projector pixel (h, w, 2), 0 in shadow: a pixel's middle, at edges its mean.
+
+    An edge that jumps from pixel to pixel puts a board's corners up to .7 px beside themselves.
+    """
+    gain, room = (np.concatenate([getattr(part, name) for part in seen]) for name in ("gain", "room"))
+    at = np.concatenate([part.projector_px for part in seen])
+    dark = ~np.concatenate([part.visible for part in seen])
+    at[dark] = 0.0
+    library: Any = ndimage
+    most, least = (of(gain + room, (3, 3, 1)) for of in (library.maximum_filter, library.minimum_filter))
+    y, x = np.nonzero((most - least).max(axis=-1) > EDGE)
+    for some in np.array_split(np.arange(len(x)), len(x) // PIXELS_AT_A_TIME + 1):
+        pixel = y[some], x[some]
+        fine = look(rig, scene, np.stack(pixel[::-1], axis=-1)[:, None] + RAYS)
+        gain[pixel], room[pixel] = fine.gain.mean(axis=1), fine.room.mean(axis=1)
+        partly, ray = np.nonzero(fine.visible & dark[pixel][:, None])  # light from where any of its rays is lit
+        at[y[some[partly]], x[some[partly]]] = fine.projector_px[partly, ray]
+    return gain, room, at
 
 
 def _projector_pixels_per_camera_pixel(rig: Rig, at: FloatArray) -> float:
