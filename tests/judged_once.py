@@ -35,8 +35,7 @@ def judged_once() -> Iterator[None]:
         return _judged(Asked(digest.digest(), question))
 
     with pytest.MonkeyPatch.context() as patch:
-        for job in ("verify", "recalibrate"):
-            patch.setattr(f"retrue.recalibration.{job}.judge", judged)
+        patch.setattr("retrue.recalibration.misread.judge", judged)
         yield
 
 

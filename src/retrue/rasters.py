@@ -102,32 +102,54 @@ def check_pattern(rig: Rig, size: Size, name: str | Path) -> None:
         )
 
 
+WAYS = ", left to right", " and turned by a quarter", ", top to bottom", " and turned by a quarter"
+"""What a picture is beside mirrored, by quarters that it was turned by after it was mirrored left to right."""
+SETTINGS = {
+    "camera": "a driver's setting, or that of whatever showed the picture?",
+    "projector": "rear projection, or a ceiling setting?",
+}
+
+
 @dataclass(frozen=True, slots=True)
 class PictureMirrored(Reason):
-    """The projector's picture is turned over, as no surface shows it that both devices see from one side."""
+    """A picture is turned over, as no surface shows it that both devices see from one side.
+
+    Whose it is, and by how many quarters it is turned as well, where that is known.
+    """
 
     share: float
+    device: str | None = None
+    quarters: int = 0
 
     def __str__(self) -> str:
-        return (
-            f"the projector's picture is mirrored: {self.share:.0%} of neighbouring points run the other way round"
-            " (rear projection, a ceiling setting, or all seen in a mirror?); switch it off"
-        )
+        run = f"{self.share:.0%} of neighbouring points run the other way round"
+        if self.device is None:
+            return (
+                f"the projector's picture is mirrored, or the camera's: {run}"
+                " (rear projection, a ceiling setting, a driver's, or all seen in a mirror?); switch it off"
+            )
+        way = WAYS[self.quarters]
+        return f"the {self.device}'s picture is mirrored{way}: {run} ({SETTINGS[self.device]}); switch it off"
 
 
 def picture_mirrored(captures: Sequence[Correspondences]) -> PictureMirrored | None:
-    """The reason where most of the points are mirrored; None where they are not.
+    """The reason where most of the points are mirrored; None where they are not."""
+    share = mirrored_share(captures)
+    return PictureMirrored(share) if share > MOST_MIRRORED else None
+
+
+def mirrored_share(captures: Sequence[Correspondences]) -> float:
+    """How many of the triangles of neighbouring points run the other way round in the projector; 0 of too few.
 
     Three points of a surface run the same way round in both devices, which see it from the same side: the triangle
-    of a point and its two nearest neighbours keeps its sign, but for noise and across depth jumps.
+    of a point and its two nearest neighbours keeps its sign, but for noise, for wrong points, and across depth jumps.
     """
     kept, seen = 0, 0
     for points in captures:
         areas = _areas(points)
         kept += int(np.count_nonzero(areas > 0))
         seen += int(np.count_nonzero(areas))
-    share = 1 - kept / seen if seen >= FEWEST_TRIANGLES else 0.0
-    return PictureMirrored(share) if share > MOST_MIRRORED else None
+    return 1 - kept / seen if seen >= FEWEST_TRIANGLES else 0.0
 
 
 def _areas(points: Correspondences) -> FloatArray:

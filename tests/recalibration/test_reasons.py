@@ -84,6 +84,11 @@ def exchanged() -> Case:
     return RIG, [Correspondences(points.projector_px, points.camera_px)]
 
 
+def upside_down() -> Case:
+    points = capture(CORNER)
+    return RIG, [Correspondences(np.array(CAMERA.size) - 1.0 - points.camera_px, points.projector_px)]
+
+
 def refocused() -> Case:
     return zoomed(1.03, CORNER)
 
@@ -101,6 +106,7 @@ CASES: dict[Callable[[], Case], type[reasons.Reason]] = {
     two_poses_in_one_capture: reasons.PartsContradict,
     refocused: reasons.LensChanged,
     exchanged: reasons.DevicesExchanged,
+    upside_down: reasons.PictureTurned,
 }
 UNATTENDED = reasons.LensUnchecked
 OF_VERIFY = (reasons.OneCoordinate, reasons.PoseDrifted, reasons.PoseContradicted, reasons.RaysMiss)
@@ -115,6 +121,7 @@ ADVICE = {
     reasons.PartsContradict: "did the rig move during the capture",
     reasons.LensChanged: "--lens refit",
     reasons.DevicesExchanged: "are camera pixels first",
+    reasons.PictureTurned: "take it as for the calibration",
     reasons.LensUnchecked: "--lens fixed",
 }
 

@@ -11,6 +11,7 @@ import numpy as np
 from retrue.geometry.arrays import BoolArray, FloatArray
 from retrue.geometry.robust import Noise, biweight_loss
 from retrue.geometry.two_view import FREE
+from retrue.recalibration.fit import PoseFit
 from retrue.recalibration.measured import MISFIT_PX
 from retrue.recalibration.parts import A_COPY, Part, of_another_pose
 from retrue.recalibration.posterior import Measured, Posterior, same_answer
@@ -95,6 +96,13 @@ def has_copies(posterior: Posterior) -> bool:
         return float(np.maximum(found[copy.rows] - explained, 0.0).sum())
 
     return any(gain(part) > price_of(part) for part in posterior.parts if part.name == A_COPY)
+
+
+def mean_cost_across(fit: PoseFit, least: float) -> float:
+    """`costs` of a point across its epipolar line only, over that least noise: readings of captures share no planes."""
+    level = fit.epipolar_noise.level
+    cost = biweight_loss(fit.found.epipolar / level) + 2 * log(level / least)
+    return float(np.minimum(cost, UNEXPLAINED).mean())
 
 
 def price_of(part: Part) -> float:

@@ -71,7 +71,7 @@ class Judgement:
     outside : (N,) points that the answer does not explain.
     other_part : those of them that share another pose.
     differing : the capture that is furthest from the others' pose, and by how many sigma; None of a single one.
-    exchanged : how far the rig moved, and would have if its devices were exchanged; None where that is no nearer.
+    misread : what says that the captures are meant in another way, of which the rig would have moved less.
     loudest_px : noise across their epipolar lines that points may have about the answer.
     """
 
@@ -87,7 +87,7 @@ class Judgement:
     outside: BoolArray
     other_part: Part | None
     differing: tuple[int, float] | None
-    exchanged: tuple[float, float] | None
+    misread: Reason | None
     loudest_px: float
 
     @property
@@ -115,14 +115,14 @@ def judge(rig: Rig, captures: Sequence[Correspondences], options: RecalibrateOpt
     answer = _of_all_points(scene, best, found.part, _prior_of_answer(scene, beliefs, best, lens))
     outside, part = _other_part(scene, answer, found.part, rng)
     nearer = move_if_exchanged(rig, captures, answer, beliefs.old, options)
-    exchanged = None if nearer is None else (move_deg(answer.pose, beliefs.old), nearer)
+    misread = None if nearer is None else DevicesExchanged(move_deg(answer.pose, beliefs.old), nearer)
     differing = differing_capture(answer.measured, scene.rays, answer)
     loudest = loudest_px(captures, options.max_noise_px) if scene.photographs else options.max_noise_px
     near, slow = tuple(near_rivals(answer, rivals, rig, options)), taken_up(answer)
     covariance = answer.covariance + slow.covariance + spread(answer, near)
     return Judgement(
         scene.rays, answer.measured, answer, best, rivals, near, slow, covariance, lens, outside, part, differing,
-        exchanged, loudest,
+        misread, loudest,
     )  # fmt: skip
 
 
@@ -185,8 +185,8 @@ def objection(
     fit, lens = judgement.answer.fit, judgement.lens
     share = 1 - np.count_nonzero(judgement.outside) / len(judgement.outside)
     level = float(np.maximum(fit.epipolar_noise.level, fit.along_noise.level))
-    if judgement.exchanged is not None:
-        return DevicesExchanged(*judgement.exchanged)
+    if judgement.misread is not None:
+        return judgement.misread
     if lens.verdict == "changed" and options.lens != "refit":
         clearest = int(np.argmax(np.abs(lens.change) / lens.sigma))
         device, what = divmod(clearest, LENS_PARAMETERS)

@@ -311,7 +311,10 @@ def _along_the_valley(here: Posterior, step: FloatArray) -> tuple[Posterior, flo
     cost, bend = fit_cost(here, here), here.bend(step)
     moved, gained = here, -np.inf
     for share in SHARES:
-        moved = posterior_at(here.measured, here.parameters.moved(share * step + share**2 / 2 * bend), here.prior)
+        parameters = here.parameters.moved(share * step + share**2 / 2 * bend)
+        if not here.prior.cost(parameters) < cost:  # nothing that points may gain makes up for such lenses
+            continue
+        moved = posterior_at(here.measured, parameters, here.prior)
         gained = cost - fit_cost(moved, here)
         if gained > 0:
             break

@@ -185,12 +185,31 @@ class DevicesExchanged(Reason):
     """Taken for each other, camera and projector moved little; as they are, far. Degrees of both."""
 
     moved_deg: float
-    exchanged_deg: float
+    meant_deg: float
 
     def __str__(self) -> str:
         return (
             f"camera and projector may be exchanged: as they are, the rig moved by {self.moved_deg:.0f} deg, and"
-            f" exchanged by {self.exchanged_deg:.0f}; are camera pixels first, and is it this rig's capture?"
+            f" exchanged by {self.meant_deg:.0f}; are camera pixels first, and is it this rig's capture?"
+        )
+
+
+@dataclass(frozen=True, slots=True)
+class PictureTurned(Reason):
+    """Turned back by so many quarters, a device's picture says that the rig moved little; as it is, far, or nothing."""
+
+    device: str
+    quarters: int
+    meant_deg: float
+    moved_deg: float | None
+
+    def __str__(self) -> str:
+        turn = "half" if self.quarters == 2 else "a quarter"
+        as_it_is = "no pose explains it" if self.moved_deg is None else f"by {self.moved_deg:.0f}"
+        return (
+            f"the {self.device}'s picture may be turned by {turn}: turned back, the rig moved by"
+            f" {self.meant_deg:.0f} deg, and as it is, {as_it_is}; show or take it as for the calibration, or"
+            " calibrate again"
         )
 
 

@@ -10,10 +10,11 @@ import numpy as np
 from retrue.correspondences import Correspondences, require_captures
 from retrue.errors import DegenerateError, require_kind
 from retrue.geometry.arrays import FloatArray, finite_array
-from retrue.rasters import check_captures, picture_mirrored
+from retrue.rasters import check_captures
 from retrue.recalibration.drift import holds
-from retrue.recalibration.judge import Judgement, judge, objection
+from retrue.recalibration.judge import Judgement, objection
 from retrue.recalibration.lens import LENS_PARAMETERS, changed_device
+from retrue.recalibration.misread import judge_as_meant
 from retrue.recalibration.options import RecalibrateOptions
 from retrue.recalibration.reasons import reason_of
 from retrue.recalibration.result import (
@@ -66,10 +67,8 @@ def recalibrate(
     options = options or RecalibrateOptions()
     require_kind(options, RecalibrateOptions, "options")
     total = sum(len(capture) for capture in captures)
-    if (mirrored := picture_mirrored(captures)) is not None:
-        return Refused(mirrored, Evidence(total))
     try:
-        judgement = judge(rig, captures, options)
+        judgement = judge_as_meant(rig, captures, options)
     except DegenerateError as error:
         return Refused(reason_of(error, captures), Evidence(total))
     evidence = _evidence(rig, judgement, total, options)

@@ -17,7 +17,7 @@ from retrue.geometry.transform import direction_angle, rotation_angle
 from retrue.geometry.two_view import FREE, TwoViewPose
 from retrue.recalibration.candidates import same_pose, twins_of
 from retrue.recalibration.chance import CHANCE, beyond_chance
-from retrue.recalibration.costs import Explained, Floor, explained_costs, least, least_costly
+from retrue.recalibration.costs import Explained, Floor, explained_costs, least, least_costly, mean_cost_across
 from retrue.recalibration.light import light_costs, log_irradiance
 from retrue.recalibration.parts import Part
 from retrue.recalibration.posterior import Measured, Posterior, posterior_at, same_answer
@@ -156,6 +156,18 @@ def _point_evidence(best: Posterior, rival: Posterior, eased: Posterior, asides:
         pairs = dict.fromkeys([(best, rival), (best.eased, eased)])  # one, where none is eased
         told += min((_of_shared(*pair, explained, shared) for pair in pairs), key=abs)
     return 0.5 * told
+
+
+def evidence_across(posterior: Posterior, other: Posterior) -> float:
+    """Nats of points, across their epipolar lines, for one of two readings of the same captures.
+
+    Counted is what is more than no model holds of a point.
+    """
+    fits = posterior.fit, other.fit
+    least_noise = min(fit.epipolar_noise.level for fit in fits)
+    own, others = (mean_cost_across(fit, least_noise) for fit in fits)
+    count = min(len(posterior.points), len(other.points))
+    return 0.5 * count * float(np.sign(others - own)) * max(abs(others - own) - ROUGH, 0.0)
 
 
 def _counted(price: float, given: BoolArray, gained: FloatArray) -> float:

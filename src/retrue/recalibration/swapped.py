@@ -9,12 +9,11 @@ import numpy as np
 
 from retrue.correspondences import Correspondences
 from retrue.errors import DegenerateError
-from retrue.geometry.robust import biweight_loss
 from retrue.geometry.two_view import TwoViewPose
 from retrue.rasters import MOST_OUTSIDE
 from retrue.recalibration.candidates import match_noise, refined_poses, starting_poses, with_planes
-from retrue.recalibration.costs import UNEXPLAINED
-from retrue.recalibration.fit import PoseFit, Support
+from retrue.recalibration.costs import mean_cost_across
+from retrue.recalibration.fit import Support
 from retrue.recalibration.options import RecalibrateOptions
 from retrue.recalibration.posterior import Posterior
 from retrue.recalibration.rays import rays_of_captures
@@ -65,10 +64,10 @@ def move_if_exchanged(
         return None
     fits = [fit for fit in fits if fit.epipolar_noise.level <= options.max_noise_px]
     least = min(fit.epipolar_noise.level for fit in (answer.fit, *fits))
-    own = _mean_cost(answer.fit, least)
+    own = mean_cost_across(answer.fit, least)
     nearest = np.inf
     for fit in fits:
-        cost, near = _mean_cost(fit, least), move_deg(fit.pose, old)
+        cost, near = mean_cost_across(fit, least), move_deg(fit.pose, old)
         if (near < moved and cost < own - BETTER) or (near * NEARER < moved and cost < own + AS_WELL):
             nearest = min(nearest, near)
     return float(nearest) if nearest < moved else None
@@ -78,10 +77,3 @@ def _inside(rig: Rig, captures: Sequence[Correspondences]) -> float:
     """Share of the points that lie in the rasters of both devices."""
     inside = [rig.camera.contains(one.camera_px) & rig.projector.contains(one.projector_px) for one in captures]
     return float(np.mean(np.concatenate(inside)))
-
-
-def _mean_cost(fit: PoseFit, least: float) -> float:
-    """-2 log likelihood of a point across its epipolar line, up to a constant, saturated: see `rivals.costs`."""
-    level = fit.epipolar_noise.level
-    cost = biweight_loss(fit.found.epipolar / level) + 2 * float(np.log(level / least))
-    return float(np.minimum(cost, UNEXPLAINED).mean())

@@ -16,12 +16,13 @@ from retrue.correspondences import Correspondences, require_captures
 from retrue.errors import DegenerateError, require_kind
 from retrue.geometry.transform import RigidTransform
 from retrue.geometry.two_view import epipolar_residuals
-from retrue.rasters import check_captures, picture_mirrored
+from retrue.rasters import check_captures
 from retrue.recalibration.chance import deviations_limit
 from retrue.recalibration.contradiction import contradiction
 from retrue.recalibration.drift import drift, own_covariance
 from retrue.recalibration.fit import own_pose
-from retrue.recalibration.judge import Judgement, judge, objection
+from retrue.recalibration.judge import Judgement, objection
+from retrue.recalibration.misread import judge_as_meant
 from retrue.recalibration.options import VerifyOptions
 from retrue.recalibration.reasons import (
     Imprecise,
@@ -57,10 +58,8 @@ def verify(rig: Rig, captures: Sequence[Correspondences], options: VerifyOptions
     options = options or VerifyOptions()
     require_kind(options, VerifyOptions, "options")
     total = sum(len(capture) for capture in captures)
-    if (mirrored := picture_mirrored(captures)) is not None:
-        return Verification("unknown", str(mirrored), None, total, cause=mirrored)
     try:
-        judgement = judge(rig, captures, options.estimate)
+        judgement = judge_as_meant(rig, captures, options.estimate)
         return _verified(rig, judgement, total, options)
     except DegenerateError as error:
         cause = reason_of(error, captures)

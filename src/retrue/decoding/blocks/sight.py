@@ -89,7 +89,8 @@ class GridSight:
 
 NOT_THIS = "not this pattern: a grid is there, but its colours are not those of this code"
 MIRRORED = (
-    "the projector's picture is mirrored (rear projection, a ceiling setting, or seen in a mirror): switch it off"
+    "the projector's picture is mirrored, or the camera's"
+    " (rear projection, a ceiling setting, a driver's, or seen in a mirror): switch it off"
 )
 LINES = "a grid of lines, the pattern is of blocks: give the pattern that was shown, or project a colour grid"
 

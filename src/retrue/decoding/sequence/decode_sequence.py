@@ -34,7 +34,7 @@ from retrue.kernels import pixels as kernel
 from retrue.patterns.gray_code import GrayCode
 from retrue.patterns.sequence import FrameSequence
 
-MIRRORED = "the projector's picture is mirrored (rear projection, or a mirror?): switch that off in its menu"
+MIRRORED = "the projector's picture is mirrored, or the camera's (rear projection, a driver, a mirror?): switch it off"
 FEWEST_TO_TELL_SIDES, MOST_TO_TELL_SIDES = 100, 20_000
 FIRST_PX = 1.0  # which ends at 0.5, and a margin for noise
 LEAST_SINE = 0.1

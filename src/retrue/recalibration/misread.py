@@ -1,0 +1,108 @@
+"""Captures judged as they are, and as they may be meant: with a picture turned or mirrored back."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from retrue.correspondences import Correspondences
+from retrue.errors import DegenerateError
+from retrue.rasters import MOST_MIRRORED, PictureMirrored, mirrored_share
+from retrue.recalibration.fit import own_pose
+from retrue.recalibration.judge import Judgement, judge, objection
+from retrue.recalibration.options import RecalibrateOptions
+from retrue.recalibration.reasons import (
+    DevicesExchanged,
+    PictureTurned,
+    PoseUndetermined,
+    RivalUnbeaten,
+    Undecidable,
+)
+from retrue.recalibration.rivals import evidence_across, move_deg, move_nats
+from retrue.recalibration.turned_pictures import Reading, readings
+from retrue.rig import Rig
+
+FAR_TURN_DEG = 45.0  # what turns a picture moves the rig by more
+SELDOM = 7.0  # nats: one capture in a thousand is turned
+MAY_BE_MIRRORED = 0.5
+"""Share of triangles that run the other way round: wrong points make half of theirs do so."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Read:
+    """One way to read the captures, what it says, and how far the rig moved by it, in degrees."""
+
+    reading: Reading
+    judgement: Judgement
+    moved_deg: float
+
+
+def judge_as_meant(rig: Rig, captures: Sequence[Correspondences], options: RecalibrateOptions) -> Judgement:
+    """`judge`, and whether a picture was turned or mirrored: its points say that a device rolled over, or blame a lens.
+
+    DegenerateError where no pose is determined, and where that is because a picture is not as it was.
+    """
+    share = mirrored_share(captures)
+    mirrored = share > MAY_BE_MIRRORED
+    if share > MOST_MIRRORED:
+        raise Undecidable(_whose_mirrored(rig, captures, share, options))
+    try:
+        judgement = judge(rig, captures, options)
+    except DegenerateError:
+        back = _all_read(rig, captures, options, mirrored=mirrored)
+        if not back:
+            raise
+        raise Undecidable(_reason(min(back, key=lambda one: one.moved_deg), share, None)) from None
+    moved = move_deg(judgement.answer.pose, own_pose(rig))
+    if not (mirrored or moved > FAR_TURN_DEG or judgement.lens.verdict == "changed"):
+        return judgement
+    back = _all_read(rig, captures, options, mirrored=mirrored)
+    margins = [_evidence(judgement, moved, one.judgement, one.moved_deg) + SELDOM for one in back]
+    if back and not min(margins) >= options.min_margin:
+        read, exchanged = back[int(np.argmin(margins))], judgement.misread
+        if not (isinstance(exchanged, DevicesExchanged) and exchanged.meant_deg <= read.moved_deg):
+            lens = replace(judgement.lens, verdict="unchecked")  # what was blamed is none of theirs
+            return replace(judgement, misread=_reason(read, share, moved), lens=lens)
+    return judgement
+
+
+def _whose_mirrored(
+    rig: Rig, captures: Sequence[Correspondences], share: float, options: RecalibrateOptions
+) -> PictureMirrored:
+    """Whose picture it is, and which way, where the points and the old pose tell."""
+    back = [one for one in _all_read(rig, captures, options, mirrored=True) if one.reading.mirrored]
+    if len(back) == 2:
+        one, other = back
+        margin = _evidence(one.judgement, one.moved_deg, other.judgement, other.moved_deg)
+        back = [] if not abs(margin) >= options.min_margin else [one if margin > 0 else other]
+    near = [one.reading for one in back if one.moved_deg <= FAR_TURN_DEG]  # else all may be seen in a mirror as well
+    return PictureMirrored(share, near[0].device, near[0].quarters) if near else PictureMirrored(share)
+
+
+def _reason(read: _Read, share: float, moved_deg: float | None) -> PictureTurned | PictureMirrored:
+    reading = read.reading
+    if reading.mirrored:
+        return PictureMirrored(share, reading.device, reading.quarters)
+    return PictureTurned(reading.device, reading.quarters, read.moved_deg, moved_deg)
+
+
+def _all_read(
+    rig: Rig, captures: Sequence[Correspondences], options: RecalibrateOptions, *, mirrored: bool
+) -> list[_Read]:
+    """All readings through which the points have a pose that nothing but its sigma, or a rival, speaks against."""
+    old, found = own_pose(rig), list[_Read]()
+    for reading in readings(rig, captures) + (readings(rig, captures, mirrored=True) if mirrored else []):
+        try:
+            judgement = judge(rig, reading.captures, options)
+        except DegenerateError:
+            continue
+        if isinstance(objection(judgement, None, None, options), PoseUndetermined | RivalUnbeaten):
+            found.append(_Read(reading, judgement, move_deg(judgement.answer.pose, old)))
+    return found
+
+
+def _evidence(one: Judgement, moved: float, other: Judgement, other_moved: float) -> float:
+    """Nats for the first of two readings: what points say across their epipolar lines, and the moves."""
+    return evidence_across(one.compared, other.compared) + move_nats(other_moved) - move_nats(moved)
