@@ -10,6 +10,7 @@ import pytest
 import retrue
 from retrue.correspondences import Correspondences
 from retrue.geometry.arrays import FloatArray
+from retrue.geometry.homography import fit_homography
 from retrue.geometry.transform import direction_angle, rotation_angle, rotation_from_vector
 from retrue.geometry.two_view import TwoViewPose, planes_of_pose
 from retrue.recalibration import posterior
@@ -19,6 +20,7 @@ from retrue.recalibration.fit import Support, own_pose
 from retrue.recalibration.lens import stated_prior
 from retrue.recalibration.measured import Measured
 from retrue.recalibration.parameters import Parameters, Prior
+from retrue.recalibration.parts import homography_residuals
 from retrue.recalibration.posterior import Posterior, fit_cost, fit_posterior
 from retrue.recalibration.rays import rays_of_captures
 from tests.recalibration.scenes import CAMERA, POSE, RIG, bumped
@@ -48,7 +50,8 @@ def as_a_plane(points: Correspondences) -> Posterior:
     start = TwoViewPose(POSE.R, POSE.t / length, NORMAL[None] * length)
     shapes, neighbours = bow_shapes(rays.points), np.empty((len(rays), 0), dtype=np.int64)
     pixels = points.camera_px[rays.row], points.projector_px[rays.row]
-    missed = np.zeros((len(rays), 2))
+    H = fit_homography(rays.points.camera_rays, rays.points.projector_rays)
+    missed = homography_residuals(rays.points, [H])
     measured = Measured(RIG, *pixels, Support.of(rays), shapes, 5e-4, neighbours, homography_residuals=missed)
     return fit_posterior(measured, Parameters.of(start), Prior(stated_prior(RIG, 2e-3, 1.0, 1e-3)), 10)
 

@@ -11,7 +11,7 @@ from benchmarks.judgement.kinds import draw
 from retrue.correspondences import Card, Correspondences
 from retrue.geometry.camera import Camera
 from retrue.geometry.nearest import nearest_of_all
-from retrue.geometry.transform import direction_angle, rotation_angle, vector_from_rotation
+from retrue.geometry.transform import direction_angle, rotation_angle, rotation_from_vector, vector_from_rotation
 from retrue.geometry.two_view import FREE, TwoViewPoints, tangent_basis
 from retrue.recalibration.chance import beyond_chance, without_chance
 from retrue.recalibration.copies import shifted_copy
@@ -153,6 +153,23 @@ def test_a_copy_is_found_whole_whichever_device_has_the_finer_pixels(finer: floa
     copy = shifted_copy(true, unexplained(true))
     assert copy is not None
     assert (copy.rows == rows).mean() > 0.99
+
+
+def test_of_a_plane_that_a_pose_does_not_explain_there_are_no_copies() -> None:
+    measured, truth = measured_scene("wall")
+    rows = measured.camera_px[:, 0] < np.quantile(measured.camera_px[:, 0], 0.3)
+    projector_px = measured.projector_px + np.where(rows[:, None], [70.0, -45.0], 0.0)
+    points = replace(measured.support.points, projector_rays=RIG.projector.unproject(projector_px))
+    missed = homography_residuals(points, [truth.pose.R + truth.pose.t[:, None] * truth.pose.planes[0]])
+    support = replace(measured.support, points=points)
+    moved = replace(measured, support=support, projector_px=projector_px, homography_residuals=missed, textured=True)
+    turned = replace(truth.pose, R=rotation_from_vector([0.0, 0.05, 0.0]) @ truth.pose.R)
+    prior = Prior(stated_prior(RIG, 0.01, 5.0, 0.02))
+    true, wrong = (posterior_at(moved, replace(truth, pose=pose), prior) for pose in (truth.pose, turned))
+    assert not true.planes_apart
+    assert true.parts[0].rows.sum() == pytest.approx(rows.sum(), rel=0.02)
+    assert list(wrong.parts) == list(wrong.planes_apart.values())
+    assert [part.count for part in wrong.parts] == [len(points)]
 
 
 @pytest.mark.parametrize("together", [False, True])

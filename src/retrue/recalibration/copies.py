@@ -17,7 +17,6 @@ from retrue.recalibration.parts import (
     MOST_COPIES,
     Part,
     level_of,
-    planes_apart,
     sigma_of,
     unexplained,
 )
@@ -149,9 +148,12 @@ def copies_seen_through(posterior: Posterior) -> list[Part]:
 
 
 def shifted_copies(posterior: Posterior, outside: BoolArray, most: int = MOST_COPIES) -> list[Part]:
-    """The `shifted_copy` of those points, that of the others, ..."""
+    """The `shifted_copy` of those points, that of the others, ...
+
+    None where no plane is where the pose has it: what passes for copies of it there is none.
+    """
     found, rows = list[Part](), np.flatnonzero(outside)
-    if len(rows) < FEWEST_OF_A_COPY or not len(posterior.pose.planes):
+    if len(rows) < FEWEST_OF_A_COPY or not len(posterior.pose.planes) or posterior.explains_no_plane:
         return found
     planes: list[PlaneShifts] = shifts_from_planes(posterior, rows)
     while (copy := _shifted_copy(posterior, outside, rows, planes)) is not None:
@@ -170,5 +172,4 @@ def parts_of(posterior: Posterior) -> list[Part]:
     copies = copies_of_planes(posterior, outside)
     if not measured.textured:  # of what is curved, a plane of its own and one shift are rivals
         copies += shifted_codes(posterior, outside & ~np.any([~outside, *(copy.rows for copy in copies)], axis=0))
-    apart = planes_apart(posterior, outside, measured.homography_residuals)
-    return copies + apart + copies_seen_through(posterior)
+    return [*copies, *posterior.planes_apart.values(), *copies_seen_through(posterior)]

@@ -34,7 +34,7 @@ class Measured:
     curved : (P,) planes that may be `CURVED` times as bowed; None where none may.
     neighbours : (N, 4) rows of the nearest points in the picture; (N, 0) where nobody asks.
     misfit : px, what no lens model explains of a real lens, and a part of the picture shares; part of the noise.
-    homography_residuals : (N, 2) that each plane's homography leaves by itself.
+    homography_residuals : (N, 2) that each plane's homography leaves by itself; (0, 2) where nobody asks.
     aside : (N,) rows that belong to another pose and leave no residual.
     noise_shape : of a match, see `uneven_noise`; None where it is alike along all axes.
     textured : whether matches are of the scene's own texture, which may repeat in space.

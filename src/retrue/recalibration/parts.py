@@ -131,17 +131,17 @@ def plane_levels(measured: Measured) -> list[float]:
     return [biweight_level(measured.homography_residuals[plane == index].ravel()) for index in planes]
 
 
-def planes_apart(posterior: Posterior, outside: BoolArray, missed: FloatArray) -> list[Part]:
+def planes_apart(posterior: Posterior, outside: BoolArray, missed: FloatArray) -> dict[int, Part]:
     """Planes that the pose does not explain: each still has its homography, and what that misses its points by."""
     plane = posterior.points.plane_index
-    found: list[Part] = []
+    found = dict[int, Part]()
     for index in range(len(posterior.pose.planes)):
         members = plane == index
         rows = members & (outside | ~(posterior.fit.robust_weights[1] > 0))
         own = level_of(missed[members]) if members.any() else np.inf
         many = np.count_nonzero(rows) > max(FEWEST_OF_A_PART, (1 - MOST_OF_A_PLANE) * np.count_nonzero(members))
         if many or biweight_level(posterior.fit.found.along[members]) > MUCH_LOUDER * own:
-            found.append(Part("a plane of its own", members, 8, missed[members], own))
+            found[index] = Part("a plane of its own", members, 8, missed[members], own)
     return found
 
 
@@ -235,7 +235,7 @@ def set_aside(measured: Measured, part: Part) -> Measured:
 def parts_apart(posterior: Posterior, part: Part | None, missed: FloatArray) -> list[Part]:
     """What the pose does not explain, though it has an explanation: planes, and those of `part` among all points."""
     outside = unexplained(posterior)
-    found = planes_apart(posterior, outside, missed)
+    found = [*planes_apart(posterior, outside, missed).values()]
     if part is not None and part.essential is not None:
         same = part_of_essential(posterior, outside, part.essential, part.reach, part.lens)
         found += [same] if of_another_pose(same, posterior) else []

@@ -156,9 +156,9 @@ class Posterior:
 
     @cached_property
     def eased(self) -> Posterior:
-        """What is compared: `through_free_lenses`, where a slow error asks for it."""
+        """What is compared: `through_free_lenses`, where a slow error asks for it that lenses may make."""
         slow = any(noise.shared > SLOW * noise.level for noise in self.fit.noises)
-        return self.through_free_lenses if slow else self
+        return self.through_free_lenses if slow and not self.explains_no_plane else self
 
     @cached_property
     def through_free_lenses(self) -> Posterior:
@@ -191,6 +191,19 @@ class Posterior:
         back = behind(self.pose, self.points, self.fit.epipolar_noise.level)
         copies = [part.rows for part in self.parts if part.seen_through] if self.measured.textured else []
         return np.any([back, hidden(self), *copies], axis=0)
+
+    @cached_property
+    def planes_apart(self) -> dict[int, Part]:
+        """Planes that it does not explain, by their numbers."""
+        from retrue.recalibration.parts import planes_apart, unexplained
+
+        missed = self.measured.homography_residuals
+        return planes_apart(self, unexplained(self), missed) if len(missed) else {}
+
+    @property
+    def explains_no_plane(self) -> bool:
+        """Whether it is far louder on each of its planes than these are by themselves, as no real lens makes it."""
+        return 0 < len(self.pose.planes) == len(self.planes_apart)
 
     @cached_property
     def parts(self) -> list[Part]:
