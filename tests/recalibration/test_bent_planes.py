@@ -18,6 +18,7 @@ from retrue.recalibration.fit import Support
 from retrue.recalibration.lens import LensPrior, changed_device, stated_prior
 from retrue.recalibration.measured import Measured
 from retrue.recalibration.parameters import Parameters, Prior
+from retrue.recalibration.parts import homography_residuals
 from retrue.recalibration.posterior import Posterior, fit_posterior, posterior_at
 from retrue.recalibration.rays import rays_of_captures
 from retrue.recalibration.recalibrate import recalibrate
@@ -57,9 +58,10 @@ def fitted(bend: float, seed: int, rig: Rig = RIG, lenses: LensPrior = LENSES) -
     rays = replace(rays, points=replace(rays.points, plane_index=plane[rays.row]))
     length = float(np.linalg.norm(POSE.t))
     start = TwoViewPose(POSE.R, POSE.t / length, np.stack([BOARD, SHEET]) * length)
+    missed = homography_residuals(rays.points, [start.R + start.t[:, None] * n for n in start.planes])
     measured = Measured(
         RIG, points.camera_px[rays.row], points.projector_px[rays.row], Support.of(rays), bow_shapes(rays.points), 5e-4,
-        np.empty((len(rays), 0), dtype=np.int64), homography_residuals=np.zeros((len(rays), 2)),
+        np.empty((len(rays), 0), dtype=np.int64), homography_residuals=missed,
     )  # fmt: skip
     return fit_posterior(measured, Parameters.of(start), Prior(lenses), 6)
 
