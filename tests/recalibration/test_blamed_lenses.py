@@ -15,7 +15,7 @@ from retrue.recalibration.candidates import poses_of_no_plane
 from retrue.recalibration.copies import shifted_copies
 from retrue.recalibration.costs import UNEXPLAINED, anywhere_along, scattered
 from retrue.recalibration.curved_surfaces import surfaces_of
-from retrue.recalibration.parts import A_COPY, Part, unexplained
+from retrue.recalibration.parts import A_COPY, Part
 from retrue.recalibration.posterior import Posterior, fit_posterior, posterior_at
 from retrue.recalibration.rays import rays_of_captures
 from retrue.recalibration.rivals import nearest_points
@@ -98,7 +98,7 @@ def test_codes_off_are_copies_of_a_surface_where_it_is_curved() -> None:
     levels = list[float]()
     for bows in (hill.parameters.bows, np.zeros_like(hill.parameters.bows)):
         fit = posterior_at(measured, replace(hill.parameters, bows=bows), hill.prior)
-        found = shifted_copies(fit, unexplained(fit) & (index == FREE), 1)
+        found = shifted_copies(fit, fit.unexplained & (index == FREE), 1)
         assert found[0].count >= 55
         levels.append(found[0].level)
     assert levels[0] < 0.2

@@ -22,7 +22,7 @@ from retrue.recalibration.judge import judge
 from retrue.recalibration.lens import stated_prior
 from retrue.recalibration.options import RecalibrateOptions
 from retrue.recalibration.parameters import Prior
-from retrue.recalibration.parts import homography_residuals, noise_of_planes, unexplained
+from retrue.recalibration.parts import homography_residuals, noise_of_planes
 from retrue.recalibration.posterior import posterior_at
 from retrue.recalibration.rays import rays_of_captures
 from retrue.recalibration.recalibrate import recalibrate
@@ -133,7 +133,7 @@ def test_copies_to_both_sides_are_seen_among_wrong_matches_that_are_far_off(
     projector_px[chosen] = RIG.projector.project(there)
     textured = replace(measured, support=support, projector_px=projector_px, textured=True)
     true = posterior_at(textured, truth, Prior(stated_prior(RIG, 0.01, 5.0, 0.02)))
-    copy = shifted_copy(true, unexplained(true))
+    copy = shifted_copy(true, true.unexplained)
     assert copy is not None
     assert copy.rows[chosen[:copied]].sum() > 0.9 * copied
     assert not copy.rows[chosen[copied:]].any()
@@ -150,7 +150,7 @@ def test_a_copy_is_found_whole_whichever_device_has_the_finer_pixels(finer: floa
     points = replace(points, projector_rays=rig.projector.unproject(projector_px))
     moved = replace(measured, support=replace(measured.support, points=points), projector_px=projector_px)
     true = posterior_at(moved, truth, Prior(stated_prior(rig, 0.01, 5.0, 0.02)))
-    copy = shifted_copy(true, unexplained(true))
+    copy = shifted_copy(true, true.unexplained)
     assert copy is not None
     assert (copy.rows == rows).mean() > 0.99
 

@@ -12,7 +12,7 @@ from retrue.recalibration.costs import UNEXPLAINED, Floor, explained_costs
 from retrue.recalibration.lens import stated_prior, wide_prior
 from retrue.recalibration.lens_evidence import LensEvidence, held_instead
 from retrue.recalibration.parameters import Prior
-from retrue.recalibration.parts import A_COPY, unexplained
+from retrue.recalibration.parts import A_COPY
 from retrue.recalibration.posterior import Posterior, fit_posterior, posterior_at
 from retrue.recalibration.shifted_codes import shifted_codes
 from tests.recalibration.scenes import RIG
@@ -47,7 +47,7 @@ def spoilt(shifts: np.ndarray, wrong: int) -> tuple[list[np.ndarray], Posterior]
 @pytest.mark.parametrize("wrong", [0, 30])
 def test_one_shift_puts_them_on_their_lines(shifts: list[np.ndarray], wrong: int) -> None:
     shifted, true = spoilt(np.array(shifts), wrong)
-    found = [part.rows for part in shifted_codes(true, unexplained(true))]
+    found = [part.rows for part in shifted_codes(true, true.unexplained)]
     assert len(found) == len(shifts)
     for rows in shifted:
         best = max(found, key=lambda one: np.count_nonzero(one & rows))
@@ -57,7 +57,7 @@ def test_one_shift_puts_them_on_their_lines(shifts: list[np.ndarray], wrong: int
 
 def test_what_is_anywhere_has_none() -> None:
     _, true = spoilt(np.empty((0, 2)), 200)
-    assert shifted_codes(true, unexplained(true)) == []
+    assert shifted_codes(true, true.unexplained) == []
 
 
 def test_they_are_parts_of_the_pose_and_cost_it_little() -> None:

@@ -18,7 +18,6 @@ from retrue.recalibration.parts import (
     Part,
     level_of,
     sigma_of,
-    unexplained,
 )
 from retrue.recalibration.posterior import Posterior
 from retrue.recalibration.shifted_codes import shifted_codes
@@ -168,7 +167,7 @@ def shifted_copies(posterior: Posterior, outside: BoolArray, most: int = MOST_CO
 
 def parts_of(posterior: Posterior) -> list[Part]:
     """Copies of planes and of codes, and planes of their own: what has an explanation, and is none of the pose."""
-    measured, outside = posterior.measured, unexplained(posterior)
+    measured, outside = posterior.measured, posterior.unexplained
     copies = copies_of_planes(posterior, outside)
     if not measured.textured:  # of what is curved, a plane of its own and one shift are rivals
         copies += shifted_codes(posterior, outside & ~np.any([~outside, *(copy.rows for copy in copies)], axis=0))

@@ -189,7 +189,7 @@ def without_parts(
     points, prior = measured.support.points, hypotheses[0].fixed.prior
     part = most_unexplained(asides, best)
     fitted = [fit for one in hypotheses for fit in (one.fixed, one.moved) if fit is not None]
-    apart_from = [(fit, parts_apart(fit, part, measured.homography_residuals)) for fit in fitted]
+    apart_from = [(fit, parts_apart(fit, part)) for fit in fitted]
     if measured.textured:
         apart_from += [(one.fixed, [copy]) for one in hypotheses for copy in copies_explained(one.fixed)]
     else:  # codes that are whole periods off are copies to both sides

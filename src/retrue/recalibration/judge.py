@@ -26,7 +26,6 @@ from retrue.recalibration.parts import (
     other_part,
     parts_apart,
     set_aside,
-    unexplained,
 )
 from retrue.recalibration.posterior import Measured, Posterior, posterior_at
 from retrue.recalibration.rays import Rays, loudest_px
@@ -145,7 +144,7 @@ def _of_all_points(scene: Scene, best: Posterior, part: Part | None, prior: Prio
     """The best hypothesis fitted to all points but those of other parts. Undecidable where too few agree with it."""
     whole, options = scene.measured_of_all(), scene.options
     answer = posterior_at(whole, best.parameters, prior)
-    others = parts_apart(answer, part, whole.homography_residuals)
+    others = parts_apart(answer, part)
     for other in others:
         whole = set_aside(whole, other)
     answer = posterior_at(whole, best.parameters, prior) if others else answer
@@ -165,8 +164,8 @@ def _other_part(
     scene: Scene, answer: Posterior, part: Part | None, rng: np.random.Generator
 ) -> tuple[BoolArray, Part | None]:
     """The points (N,) that the answer does not explain, and those of them that share another explanation."""
-    outside = unexplained(answer)
-    others = [*parts_apart(answer, part, answer.measured.homography_residuals), shifted_copy(answer, outside)]
+    outside = answer.unexplained
+    others = [*parts_apart(answer, part), shifted_copy(answer, outside)]
     if scene.turned.any() and (mirror := other_part(answer, outside, rng)) is not None:
         others.append(replace(mirror, name=IN_A_MIRROR))
     both = agreeing_with_both(answer, others)

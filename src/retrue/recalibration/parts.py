@@ -66,13 +66,6 @@ class Part:
         return int(np.count_nonzero(self.rows))
 
 
-def unexplained(posterior: Posterior) -> BoolArray:
-    """(N,) points that the pose does not explain."""
-    level = posterior.fit.epipolar_noise.total
-    wrong = ~(np.abs(posterior.fit.found.epipolar) < CUTOFF * level)
-    return wrong | behind(posterior.pose, posterior.points, level)
-
-
 def agreeing(posterior: Posterior) -> BoolArray:
     """(N,) points on their epipolar lines, also those that are set aside."""
     missed = epipolar_residuals(posterior.pose, posterior.points)
@@ -131,13 +124,13 @@ def plane_levels(measured: Measured) -> list[float]:
     return [biweight_level(measured.homography_residuals[plane == index].ravel()) for index in planes]
 
 
-def planes_apart(posterior: Posterior, outside: BoolArray, missed: FloatArray) -> dict[int, Part]:
-    """Planes that the pose does not explain: each still has its homography, and what that misses its points by."""
-    plane = posterior.points.plane_index
+def planes_apart(posterior: Posterior) -> dict[int, Part]:
+    """Planes that the pose does not explain, by number: each still has its homography, and what that misses them by."""
+    plane, missed = posterior.points.plane_index, posterior.measured.homography_residuals
     found = dict[int, Part]()
-    for index in range(len(posterior.pose.planes)):
+    for index in range(len(posterior.pose.planes) if len(missed) else 0):
         members = plane == index
-        rows = members & (outside | ~(posterior.fit.robust_weights[1] > 0))
+        rows = members & (posterior.unexplained | ~(posterior.fit.robust_weights[1] > 0))
         own = level_of(missed[members]) if members.any() else np.inf
         many = np.count_nonzero(rows) > max(FEWEST_OF_A_PART, (1 - MOST_OF_A_PLANE) * np.count_nonzero(members))
         if many or biweight_level(posterior.fit.found.along[members]) > MUCH_LOUDER * own:
@@ -195,7 +188,7 @@ def other_parts(posteriors: Sequence[Posterior], rng: np.random.Generator) -> li
         if posterior.fit.epipolar_noise.level > quiet:
             continue
         copies = [part.rows for part in posterior.parts if part.name == A_COPY]  # they have an explanation
-        outside = unexplained(posterior) & ~np.any(copies, axis=0) if copies else unexplained(posterior)
+        outside = posterior.unexplained & ~np.any(copies, axis=0) if copies else posterior.unexplained
         if any(np.count_nonzero(outside & ~known) < ALIKE * np.count_nonzero(outside) for known in asked):
             continue
         asked.append(outside)
@@ -232,19 +225,18 @@ def set_aside(measured: Measured, part: Part) -> Measured:
     return replace(measured, aside=part.rows if measured.aside is None else part.rows | measured.aside)
 
 
-def parts_apart(posterior: Posterior, part: Part | None, missed: FloatArray) -> list[Part]:
+def parts_apart(posterior: Posterior, part: Part | None) -> list[Part]:
     """What the pose does not explain, though it has an explanation: planes, and those of `part` among all points."""
-    outside = unexplained(posterior)
-    found = [*planes_apart(posterior, outside, missed).values()]
+    found = [*posterior.planes_apart.values()]
     if part is not None and part.essential is not None:
-        same = part_of_essential(posterior, outside, part.essential, part.reach, part.lens)
+        same = part_of_essential(posterior, posterior.unexplained, part.essential, part.reach, part.lens)
         found += [same] if of_another_pose(same, posterior) else []
     return found
 
 
 def belongs_to(posterior: Posterior, part: Part) -> bool:
     """Whether the pose explains most of that part, which is then none beside it but its own."""
-    return 2 * int(np.count_nonzero(part.rows & ~unexplained(posterior))) > part.count
+    return 2 * int(np.count_nonzero(part.rows & ~posterior.unexplained)) > part.count
 
 
 def of_another_pose(part: Part, posterior: Posterior) -> bool:
@@ -252,7 +244,7 @@ def of_another_pose(part: Part, posterior: Posterior) -> bool:
 
     Or the one with t the other way, which has all that is before the devices on its lines, but behind them.
     """
-    outside = unexplained(posterior)
+    outside = posterior.unexplained
     fewest = max(FEWEST_OF_A_PART, SHARE_OF_A_PART * int(np.count_nonzero(outside)))
     level = posterior.fit.epipolar_noise.level
     turned = outside & agreeing(posterior) & behind(posterior.pose, posterior.points, level)

@@ -15,7 +15,7 @@ import numpy as np
 
 from retrue.errors import DegenerateError
 from retrue.geometry.arrays import BoolArray, FloatArray, IntArray
-from retrue.geometry.robust import COVARIANCE_FACTOR, total_loss
+from retrue.geometry.robust import COVARIANCE_FACTOR, CUTOFF, total_loss
 from retrue.geometry.two_view import (
     NO_TURNS,
     POSE_PARAMETERS,
@@ -193,12 +193,18 @@ class Posterior:
         return np.any([back, hidden(self), *copies], axis=0)
 
     @cached_property
+    def unexplained(self) -> BoolArray:
+        """(N,) points that the pose does not explain."""
+        level = self.fit.epipolar_noise.total
+        wrong = ~(np.abs(self.fit.found.epipolar) < CUTOFF * level)
+        return wrong | behind(self.pose, self.points, level)
+
+    @cached_property
     def planes_apart(self) -> dict[int, Part]:
         """Planes that it does not explain, by their numbers."""
-        from retrue.recalibration.parts import planes_apart, unexplained
+        from retrue.recalibration.parts import planes_apart
 
-        missed = self.measured.homography_residuals
-        return planes_apart(self, unexplained(self), missed) if len(missed) else {}
+        return planes_apart(self)
 
     @property
     def explains_no_plane(self) -> bool:
