@@ -20,27 +20,34 @@ def bend_at(x: FloatArray, known: FloatArray, bend: FloatArray, degree: int = 2)
     >>> bend_at(np.array([[0.5, 2.0]]), known, known[:, 0] ** 2 - known[:, 0] * known[:, 1]).round(6)
     array([-0.75])
     """
-    powers = [(of_all - of_v, of_v) for of_all in range(degree + 1) for of_v in range(of_all + 1)]
     centre, scale = known.mean(axis=0), np.maximum(known.std(axis=0), 1e-300)
-    (u, v), (a, b) = (((rays - centre) / scale).T for rays in (x, known))
-    there = np.stack([a**i * b**j for i, j in powers], axis=1)
-    told = np.linalg.lstsq(there, bend, rcond=None)[0]
-    return np.asarray(np.stack([u**i * v**j for i, j in powers], axis=1) @ told, dtype=np.float64)
+    there, here = (_monomials(u, v, degree) for u, v in (((rays - centre) / scale).T for rays in (known, x)))
+    told = np.linalg.lstsq(there @ there.T, there @ bend, rcond=None)[0]
+    return np.asarray(told @ here, dtype=np.float64)
+
+
+def _monomials(u: FloatArray, v: FloatArray, degree: int) -> FloatArray:
+    """(M, N) of rays (N,), those of each degree after those below it: 1, u, v, u^2, u v, v^2, ..."""
+    found = last = [np.ones(len(u))]
+    for _ in range(degree):
+        last = [*(u * one for one in last), v * last[-1]]
+        found = found + last
+    return np.stack(found)
 
 
 def bow_shapes(points: TwoViewPoints, degree: int = 2) -> FloatArray:
     """(N, B) polynomials that bow each plane, together of RMS 1, without what a tilt takes up: three of degree two."""
-    powers = [(of_all - of_v, of_v) for of_all in range(2, degree + 1) for of_v in range(of_all + 1)]
-    shapes = np.zeros((len(points), len(powers)))
+    shapes = np.zeros((len(points), (degree + 1) * (degree + 2) // 2 - 3))
     for plane in range(int(points.plane_index.max(initial=FREE)) + 1):
         mine = np.flatnonzero(points.plane_index == plane)
-        if len(mine) < 2 * len(powers):
+        if len(mine) < 2 * shapes.shape[1]:
             continue
         x = np.ascontiguousarray(points.camera_rays[mine].T)
-        u, v = (x - x.mean(axis=1)[:, None]) / np.maximum(x.std(axis=1), 1e-300)[:, None]
-        linear, bows = np.stack([u, v, np.ones(len(mine))]), np.stack([u**i * v**j for i, j in powers])
+        x = (x - x.mean(axis=1)[:, None]) / np.maximum(x.std(axis=1), 1e-300)[:, None]
+        terms = _monomials(x[0], x[1], degree)
+        linear, bows = terms[:3], terms[3:]
         bows -= bows @ linear.T @ np.linalg.pinv(linear @ linear.T) @ linear
-        shapes[mine] = (bows / np.maximum(bows.std(axis=1) * np.sqrt(len(powers)), 1e-300)[:, None]).T
+        shapes[mine] = (bows / np.maximum(bows.std(axis=1) * np.sqrt(len(bows)), 1e-300)[:, None]).T
     return shapes
 
 
