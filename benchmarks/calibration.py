@@ -11,7 +11,7 @@ import argparse
 import statistics
 import time
 from collections.abc import Callable, Iterable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -170,17 +170,19 @@ def two_cameras(folder: Path) -> dict[str, tuple[float, float]]:
 class Noise:
     """Standard deviations: of a corner in the camera and of a dense point in the projector, in pixels; of the
     projector's picture between two captures, in pixels; of the board's sag, the same in all poses, in mm; of an error
-    that neighbouring dense points share, in pixels."""
+    that neighbouring dense points share, in pixels; of where a corner is printed and, apart, its whole line, in mm."""
 
     corner: float = 0.1
     dense: float = 0.15
     drift: float = 0.0
     sag: float = 0.0
     shared: float = 0.0
+    printed: float = 0.0
 
 
 AS_IN_LIFE = Noise(drift=0.02, sag=0.5)
 DECODER = Noise(drift=0.02, sag=0.5, shared=0.05)
+PRINTED = Noise(drift=0.02, sag=0.5, printed=0.2)
 
 
 def true_rig(rng: np.random.Generator) -> Rig:
@@ -220,9 +222,27 @@ def with_every_term(rig: Rig, rng: np.random.Generator) -> Rig:
     return Rig(*devices, rig.projector_from_camera)
 
 
+def with_square_pixels(rig: Rig) -> Rig:
+    """The same, fy as fx."""
+    camera, projector = (
+        replace(device, K=np.array([device.K[0], [0, device.K[0, 0], device.K[1, 2]], device.K[2]]))
+        for device in (rig.camera, rig.projector)
+    )
+    return replace(rig, camera=camera, projector=projector)
+
+
 def bend_of(board: Board, noise: Noise, rng: np.random.Generator) -> np.ndarray:
     """A random bend of the board, whose sag over half its length has the wanted standard deviation."""
     return rng.normal(scale=noise.sag, size=3) / (board.points.max() / 2) ** 2
+
+
+def prints(board: Board, noise: Noise, rng: np.random.Generator) -> np.ndarray:
+    """(N, 2) how far corners lie off, the same in all poses."""
+    off = rng.normal(scale=noise.printed, size=board.points.shape)
+    for axis, own in enumerate(board.points.T):
+        lines, line = np.unique(own, return_inverse=True)
+        off[:, axis] += rng.normal(scale=noise.printed, size=len(lines))[line]
+    return off
 
 
 def shared_error(camera_px: np.ndarray, rng: np.random.Generator, length: float = 60.0) -> np.ndarray:
@@ -241,6 +261,8 @@ def simulated_view(
     name: str,
     every: int = 1,
     bend: np.ndarray | None = None,
+    printed: np.ndarray | float = 0.0,
+    turned: float = np.pi,
 ) -> View:
     """One pose of the board: noisy corners, and a dense code on the white squares, or only every n-th point of it."""
     extent = board.points.max(axis=0)
@@ -250,14 +272,16 @@ def simulated_view(
         return np.stack([x * x, x * y, y * y], axis=-1) @ (np.zeros(3) if bend is None else bend)
 
     for _ in range(1000):
-        turn = rotation_from_vector([0, 0, rng.uniform(-np.pi, np.pi)])
+        turn = rotation_from_vector([0, 0, rng.uniform(-turned, turned)])
         tilt = rng.uniform(np.radians(15), np.radians(45))
         way = rng.uniform(0, 2 * np.pi)
         R = rotation_from_vector([tilt * np.cos(way), tilt * np.sin(way), 0]) @ turn
         middle = np.array([rng.uniform(-150, 150), rng.uniform(-120, 120), rng.uniform(1300, 1900)])
         pose = RigidTransform(R, middle - R @ np.append(extent / 2, 0))
         points = pose.apply(np.column_stack([board.points, height(board.points)]))
-        corners = rig.camera.project(points)
+        corners = rig.camera.project(
+            points + np.pad(np.broadcast_to(printed, (len(points), 2)), ((0, 0), (0, 1))) @ R.T
+        )
         lit = rig.projector.project(rig.projector_from_camera.apply(points))
         if rig.camera.contains(corners, -20).all() and rig.projector.contains(lit, -20).mean() > 0.9:
             break
@@ -333,7 +357,12 @@ def simulated(
 
 
 def covariances(
-    trials: int, counts: tuple[int, ...] = (5, 8), seed: int = 11, noise: Noise = AS_IN_LIFE, every_term: bool = True
+    trials: int,
+    counts: tuple[int, ...] = (5, 8),
+    seed: int = 11,
+    noise: Noise = AS_IN_LIFE,
+    every_term: bool = True,
+    upright: bool = False,
 ) -> tuple[float, float]:
     """Mean normalised error squared of the eight numbers of `lens_covariance` and the five of `covariance`."""
     board, sizes = parse_board("chessboard:7x9:40mm"), ((1280, 1024), (1024, 768))
@@ -342,9 +371,16 @@ def covariances(
         rng = np.random.default_rng([seed, trial])
         truth = true_rig(rng)
         truth = with_every_term(truth, rng) if every_term else truth
+        truth = with_square_pixels(truth) if upright else truth  # boards that all stand upright hardly tell
         bend = bend_of(board, noise, rng)
+        printed = prints(board, noise, rng) if noise.printed else 0.0
         count = counts[trial % len(counts)]
-        views = [simulated_view(truth, board, noise, rng, f"pose {i}", bend=bend) for i in range(count)]
+        views = [
+            simulated_view(
+                truth, board, noise, rng, f"pose {i}", bend=bend, printed=printed, turned=0.3 if upright else np.pi
+            )
+            for i in range(count)
+        ]
         ours = calibrate_views(views, board, sizes, CalibrationOptions(largest_error=1))
         assert isinstance(ours, Calibrated), ours.reason
         squares.append(
@@ -469,8 +505,9 @@ def main() -> None:
         print(f"no real captures at {arguments.data}")
     for noise in (Noise(), AS_IN_LIFE):
         simulated(arguments.trials, noise=noise)
-    for noise in (AS_IN_LIFE, DECODER):
+    for noise in (AS_IN_LIFE, DECODER, PRINTED):
         covariances(arguments.trials, noise=noise)
+    covariances(arguments.trials, (3, 10), noise=PRINTED, every_term=False, upright=True)
     covariances(arguments.trials, every_term=False)
 
 

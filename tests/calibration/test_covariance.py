@@ -7,13 +7,16 @@ from types import ModuleType
 
 import numpy as np
 import pytest
+from scipy import sparse
 
 from retrue import RecalibrateOptions
-from retrue.calibration.bundle import Adjusted
+from retrue.calibration.bundle import Adjusted, NormalEquations, Problem
 from retrue.calibration.calibrate import calibrate_views, start
+from retrue.calibration.jacobians import linearise, residuals
 from retrue.calibration.model_terms import fit_with_lens
 from retrue.calibration.neighbours import variances
-from retrue.calibration.observations import observation_groups
+from retrue.calibration.observations import CornerObservations, observation_groups
+from retrue.calibration.printed import printed_factors
 from retrue.calibration.setup import Setup
 from retrue.calibration.uncertainty import FLOOR, STATED, lens_covariance, pose_covariance, rig_covariance
 from retrue.geometry.two_view import tangent_basis
@@ -107,6 +110,73 @@ def test_shared_noise_is_told_from_noise_of_its_own() -> None:
     own, shared = variances(left[1], taken, kernels)
     assert own == pytest.approx(1, abs=0.2)
     assert shared == pytest.approx(1, abs=0.35)
+
+
+def test_noise_that_repeats_is_told_from_noise_of_its_own() -> None:
+    rng = np.random.default_rng(3)
+    alike = sparse.csr_array(np.tile(np.eye(100), (6, 1)))
+    taken = np.zeros((600, 18))
+    trend = np.linalg.qr(np.stack([np.ones(100), np.arange(100), np.arange(100) ** 2], axis=-1))[0]
+    for view in range(6):
+        taken[100 * view : 100 * view + 100, 3 * view : 3 * view + 3] = trend
+    noise, printed = rng.normal(size=600), 0.7 * (alike @ rng.normal(size=100))
+    left = [error - taken @ (taken.T @ error) for error in (noise, noise + printed)]
+    apart = [np.eye(100)] * 6
+    assert variances(left[0], taken, apart, [alike])[2] == 0
+    kernels = [np.exp(-0.5 * ((np.arange(100)[:, None] - np.arange(100)) / 2) ** 2)] * 6
+    own, shared, repeated = variances(left[1], taken, kernels, [alike])
+    assert own == pytest.approx(1, abs=0.15)
+    assert shared == 0
+    assert repeated == pytest.approx(0.49, abs=0.15)
+
+
+def test_errors_of_print_move_the_fit_as_their_factors_say(benchmark: ModuleType) -> None:
+    _, views = scene(benchmark, 3)
+    views[1] = replace(  # counted from the other end
+        views[1],
+        pixels=tuple(own[::-1] for own in views[1].pixels),
+        sigmas=tuple(own[::-1] for own in views[1].sigmas),
+    )
+    known = (False, False)
+    groups = observation_groups(views)
+    fit = fit_with_lens(start(views, SIZES, (None, None)), groups, known, ("k1",))
+    rng = np.random.default_rng(6)
+    off = rng.normal(scale=0.05, size=BOARD.points.shape)  # seen so often that it tells which view is turned
+    corners = groups[0]
+    assert isinstance(corners, CornerObservations)
+    place = np.argmin(np.linalg.norm(corners.board_points[:, None, :2] - BOARD.points, axis=2), axis=1)
+    seen = np.where((corners.view == 1)[:, None], -off[::-1][place], off[place])
+    moved = replace(corners, board_points=corners.board_points + np.pad(seen, ((0, 0), (0, 1))))
+    change = residuals(fit.setup, moved) - residuals(fit.setup, corners)
+    apart = replace(corners, pixels=corners.pixels - 40 * change)
+    linearised = tuple(linearise(fit.setup, group) for group in (apart, *groups[1:]))
+    factors = printed_factors(fit.setup, (apart, *groups[1:]), linearised)
+    _, order = np.unique(BOARD.points, axis=0, return_index=True)
+    for axis in (0, 1):
+        found = factors[0][axis][0] @ off[order].ravel()
+        assert np.abs(found - change[:, axis]).max() < 2e-3 * np.abs(change).max()
+    problem = Problem((apart, *groups[1:]), fit.active, False)
+    (error, jacobian), *others = linearised
+    equations = NormalEquations(fit.setup, problem, linearised, fit.scales)
+    there = NormalEquations(fit.setup, problem, ((error + change, jacobian), *others), fit.scales)
+    everything = np.ones_like(fit.active)
+    expected = there.reduced(everything)[1] - equations.reduced(everything)[1]
+    weighed = jacobian * (fit.scales[0] * corners.sigma[:, None])[:, :, None] ** -2
+    gradients = [
+        sum(weighed[own, axis].T @ (factors[0][axis][0][own] @ off[order].ravel()) for axis in (0, 1))[:, None]
+        for own in (corners.view == view for view in range(3))
+    ]
+    size = np.sqrt(np.diag(equations.reduced(everything)[0]))
+    assert (
+        np.abs((equations.repeated(np.stack(gradients))[:, 0] - expected) / size).max()
+        < 0.02 * np.abs(expected / size).max()
+    )
+
+
+def test_errors_of_print_do_not_average_out(benchmark: ModuleType) -> None:
+    lens, pose = benchmark.covariances(4, (7,), noise=benchmark.PRINTED, every_term=False, upright=True)
+    assert 1 < lens < 13
+    assert 1 < pose < 8.5
 
 
 def test_the_basis_of_the_direction_is_that_of_the_pose(fit: Adjusted) -> None:

@@ -197,10 +197,17 @@ class NormalEquations:
 
         Of `total` it is the normal matrix itself.
         """
+        left = self._onto_shared()
+        return np.asarray((left @ matrices @ left.transpose(0, 2, 1)).sum(axis=0), dtype=np.float64)
+
+    def repeated(self, gradients: FloatArray) -> FloatArray:
+        """`reduced`'s gradient (shared, K), from every view's (views, columns, K) by errors that all views share."""
+        return np.asarray((self._onto_shared() @ gradients).sum(axis=0), dtype=np.float64)
+
+    def _onto_shared(self) -> FloatArray:
         absorbed = self.total[:, :-OF_VIEW, -OF_VIEW:] @ _inverse(self.total[:, -OF_VIEW:, -OF_VIEW:])
         shared = np.broadcast_to(np.eye(absorbed.shape[1]), (len(absorbed), *[absorbed.shape[1]] * 2))
-        left = np.concatenate([shared, -absorbed], axis=2)
-        return np.asarray((left @ matrices @ left.transpose(0, 2, 1)).sum(axis=0), dtype=np.float64)
+        return np.concatenate([shared, -absorbed], axis=2)
 
     def root(self) -> FloatArray:
         """(active + views' own, the same) L with L L' the covariance of all free unknowns, shared ones first."""
