@@ -12,6 +12,7 @@ import pytest
 from retrue.errors import CaptureError, FileError, InputError
 from retrue.files.image_header import jpeg_scans
 from retrue.files.images import read_folder, read_image, write_png
+from retrue.files.jpeg_scan import pixels_are_whole
 
 RAMP = np.add.outer(np.arange(20), 3 * np.arange(30)).astype(np.uint8)
 COLOR = np.stack([RAMP, RAMP // 2, 255 - RAMP], axis=-1)
@@ -82,6 +83,44 @@ def test_what_is_written_over_a_jpeg_may_look_like_one_of_its_parts(flags):
     damaged = [content[:place] + rng.bytes(4096) + content[place + 4096 :] for place in places]
     assert jpeg_scans(content, 500) > 0
     assert sum(jpeg_scans(one, 500) == 0 for one in damaged) >= 39  # one in some 250 has an end of its own
+
+
+@pytest.mark.parametrize("flags", [[], [cv2.IMWRITE_JPEG_OPTIMIZE, 1], [cv2.IMWRITE_JPEG_RST_INTERVAL, 5]])
+@pytest.mark.parametrize("channels", [(), (3,)])
+def test_bytes_that_a_jpeg_lost_or_that_were_emptied_are_missed(tmp_path, capfd, flags, channels):
+    rng = np.random.default_rng(2)
+    content = cv2.imencode(".jpg", rng.integers(0, 256, (301, 407, *channels), dtype=np.uint8), flags)[1].tobytes()
+    (tmp_path / "whole.jpg").write_bytes(content)
+    assert read_image(tmp_path / "whole.jpg").shape == (301, 407, *channels)
+    for place in rng.integers(len(content) // 4, len(content) - 5000, 10).tolist():
+        for damaged in (
+            content[:place] + bytes(4096) + content[place + 4096 :],
+            content[:place] + content[place + 512 :],
+        ):
+            (tmp_path / "a.jpg").write_bytes(damaged)
+            with pytest.raises(FileError, match=r"a\.jpg: not a picture that can be read: damaged"):
+                read_image(tmp_path / "a.jpg")
+    assert capfd.readouterr().err == ""
+
+
+def test_a_few_bytes_behind_a_jpegs_pixels_are_no_damage():
+    content = cv2.imencode(".jpg", RAMP)[1].tobytes()
+    assert pixels_are_whole(content)
+    assert pixels_are_whole(content[:-2] + bytes(8) + content[-2:])
+    assert not pixels_are_whole(content[:-2] + bytes(100) + content[-2:])
+
+
+def test_any_size_any_sampling_any_quality_of_a_jpeg_is_whole():
+    rng = np.random.default_rng(4)
+    samplings = [0x411111, 0x221111, 0x211111, 0x121111, 0x111111]
+    for _ in range(60):
+        height, width = rng.integers(1, 70, 2).tolist()
+        picture = rng.integers(0, 256, (height, width, 3), dtype=np.uint8)
+        picture = cv2.GaussianBlur(picture, (0, 0), rng.uniform(0.3, 4))
+        sampling = [cv2.IMWRITE_JPEG_SAMPLING_FACTOR, samplings[rng.integers(5)]]
+        quality = [cv2.IMWRITE_JPEG_QUALITY, int(rng.integers(1, 101))]
+        for shown in (picture, picture[..., 0]):
+            assert pixels_are_whole(cv2.imencode(".jpg", shown, [*sampling, *quality])[1].tobytes())
 
 
 def test_a_jpeg_of_too_many_scans_is_refused(tmp_path):

@@ -139,15 +139,20 @@ def _decoded(path: Path, header: ImageHeader, grey: bool) -> Image:
     import cv2
     import numpy as np
 
+    from retrue.files.jpeg_scan import pixels_are_whole
+
     flags = cv2.IMREAD_ANYDEPTH | cv2.IMREAD_IGNORE_ORIENTATION
     flags |= cv2.IMREAD_GRAYSCALE if grey or header.channels == 1 else cv2.IMREAD_COLOR
     content = read_bytes(path, BYTES_A_PIXEL * header.size[0] * header.size[1] + METADATA_BYTES)
     too_short = header.size[0] * header.size[1] > MOST_PIXELS_A_BYTE * len(content)
-    scans = jpeg_scans(content, MOST_SCANS) if content.startswith(JPEG) else 1
-    if too_short or not scans or (content.startswith(PNG) and not png_is_whole(content)):
+    if content.startswith(JPEG):
+        if (scans := jpeg_scans(content, MOST_SCANS)) > MOST_SCANS:
+            raise FileError(path, f"expected a JPEG of at most {MOST_SCANS} scans, found more")
+        whole = scans > 0 and pixels_are_whole(content)
+    else:
+        whole = not content.startswith(PNG) or png_is_whole(content)
+    if too_short or not whole:
         raise FileError(path, "not a picture that can be read: damaged or cut short")
-    if scans > MOST_SCANS:
-        raise FileError(path, f"expected a JPEG of at most {MOST_SCANS} scans, found more")
     try:
         image = cast("Image | None", cv2.imdecode(np.frombuffer(content, dtype=np.uint8), flags))
     except cv2.error as error:
