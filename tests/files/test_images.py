@@ -4,9 +4,11 @@ from __future__ import annotations
 
 import struct
 import zlib
+from itertools import product
 
 import cv2
 import numpy as np
+import PIL.Image
 import pytest
 
 from retrue.errors import CaptureError, FileError, InputError
@@ -34,6 +36,53 @@ def test_sixteen_bit_pictures_keep_their_depth(tmp_path, suffix):
     read = read_image(tmp_path / f"deep.{suffix}")
     assert read.dtype == np.uint16
     assert np.array_equal(read, deep)
+
+
+@pytest.mark.parametrize("depth", [np.uint8, np.uint16])
+@pytest.mark.parametrize("order", ["<", ">"])
+@pytest.mark.parametrize("channels", [3, 4])
+def test_what_a_tiff_says_beside_its_pixels_is_passed_over_in_silence(tmp_path, capfd, depth, order, channels):
+    picture = np.random.default_rng(5).integers(0, 256, (21, 30, channels)).astype(depth)
+    pixels = picture.astype(np.dtype(depth).newbyteorder(order)).tobytes()
+    bits, values = (
+        np.dtype(depth).itemsize * 8,
+        {256: 30, 257: 21, 259: 1, 262: 2, 273: 8, 277: channels, 279: len(pixels)},
+    )
+    entries = [(tag, 4, 1, struct.pack(order + "I", value)) for tag, value in values.items() if tag in (273, 279)]
+    entries += [
+        (tag, 3, 1, struct.pack(order + "HH", value, 0)) for tag, value in values.items() if tag not in (273, 279)
+    ]
+    place = 8 + len(pixels)
+    entries += [
+        (258, 3, channels, struct.pack(order + "I", place)),
+        (40000, 3, 1, bytes(4)),
+    ]  # no tag that libtiff knows
+    directory = b"".join(struct.pack(order + "HHI4s", *entry) for entry in sorted(entries))
+    start = (b"II*\0" if order == "<" else b"MM\0*") + struct.pack(order + "I", place + 2 * channels)
+    depths = struct.pack(order + "H", bits) * channels
+    count = struct.pack(order + "H", len(entries))
+    (tmp_path / "a.tif").write_bytes(start + pixels + depths + count + directory + bytes(4))
+    assert np.array_equal(read_image(tmp_path / "a.tif"), picture[..., :3])
+    assert capfd.readouterr().err == ""
+
+
+@pytest.mark.parametrize(
+    ("mode", "compression"),
+    [
+        *product(["RGB", "L", "P", "YCbCr", "CMYK", "1"], ["raw", "tiff_lzw", "packbits"]),
+        ("1", "group3"),
+        ("1", "group4"),
+    ],
+)
+def test_a_tiff_of_any_packing_has_the_pixels_that_opencv_reads_of_the_whole(tmp_path, mode, compression):
+    smooth = cv2.GaussianBlur(np.random.default_rng(6).integers(0, 256, (48, 64, 3)).astype(np.float32), (0, 0), 3)
+    picture = cv2.normalize(smooth, None, 0, 255, cv2.NORM_MINMAX).astype(np.uint8)
+    PIL.Image.fromarray(picture).convert(mode).save(tmp_path / "a.tif", compression=compression)
+    grey = mode in ("L", "1")
+    whole = cv2.imread(str(tmp_path / "a.tif"), cv2.IMREAD_GRAYSCALE if grey else cv2.IMREAD_COLOR_RGB)
+    assert whole is not None
+    assert np.ptp(whole) > 100
+    assert np.array_equal(read_image(tmp_path / "a.tif"), whole)
 
 
 def test_jpeg_in_colour_is_red_green_blue(tmp_path):

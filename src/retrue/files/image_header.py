@@ -13,6 +13,7 @@ from retrue.errors import FileError
 
 PNG = b"\x89PNG\r\n\x1a\n"
 JPEG = b"\xff\xd8"
+TIFF = (b"II*\0", b"MM\0*")
 MARKER = re.compile(rb"\xff[\x01-\xcf\xd8-\xfe]")  # among a JPEG's pixels: no stuffed zero, no restart, no fill byte
 SCAN, END = 0xDA, 0xD9
 SEGMENTS = frozenset({*range(0xC0, 0xD0), *range(0xDA, 0xF0), 0xFE})  # tables, frames, scans, what tools add
@@ -38,7 +39,7 @@ def read_image_header(path: Path) -> ImageHeader:
                 return _jpeg(stream)
             if start.startswith(b"BM"):
                 return _bmp(start)
-            if start[:4] in (b"II*\0", b"MM\0*"):
+            if start.startswith(TIFF):
                 return _tiff(stream, "<" if start[:1] == b"I" else ">")
     except OSError as error:
         raise FileError(path, f"cannot be read: {error.strerror or error}") from error

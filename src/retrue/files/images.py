@@ -11,7 +11,8 @@ from typing import TYPE_CHECKING, cast
 
 from retrue.errors import CaptureError, FileError, InputError, require_kind, require_kinds, require_path
 from retrue.files.atomic import read_bytes, replaced_file
-from retrue.files.image_header import JPEG, PNG, ImageHeader, jpeg_scans, png_is_whole, read_image_header
+from retrue.files.image_header import JPEG, PNG, TIFF, ImageHeader, jpeg_scans, png_is_whole, read_image_header
+from retrue.files.tiff_directory import of_pixels_alone
 
 if TYPE_CHECKING:
     from retrue.geometry.arrays import Image
@@ -153,6 +154,8 @@ def _decoded(path: Path, header: ImageHeader, grey: bool) -> Image:
         whole = not content.startswith(PNG) or png_is_whole(content)
     if too_short or not whole:
         raise FileError(path, "not a picture that can be read: damaged or cut short")
+    if content.startswith(TIFF):
+        content = of_pixels_alone(content)
     try:
         image = cast("Image | None", cv2.imdecode(np.frombuffer(content, dtype=np.uint8), flags))
     except cv2.error as error:
