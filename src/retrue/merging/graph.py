@@ -1,4 +1,4 @@
-"""From pairs to poses: who belongs together, and all poses at once, so that every loop closes."""
+"""From pairs to poses: all of them at once, so that every loop closes."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ import numpy as np
 from retrue.geometry.arrays import FloatArray
 from retrue.geometry.robust import MAD_TO_SIGMA, biweight
 from retrue.geometry.transform import RigidTransform, skew
-from retrue.merging.pairs import Counterparts, Pair, counterparts, moved, normal_equations
+from retrue.merging.pairs import Counterparts, counterparts, moved, normal_equations
 from retrue.merging.view import View, neighbour_tree
 
 MOST_STEPS = 15
@@ -38,31 +38,6 @@ class Adjusted:
     level: float
     residuals: dict[tuple[int, int], tuple[float, int]]
     closures: dict[tuple[int, int], float]
-
-
-def largest_group(count: int, pairs: Sequence[Pair]) -> list[int]:
-    """The views that are tied to each other, the most of them; the first ones of equals."""
-    group = list(range(count))
-    for pair in pairs:
-        a, b = group[pair.first], group[pair.second]
-        group = [a if each == b else each for each in group]
-    best = max(sorted(set(group)), key=group.count)
-    return [view for view in range(count) if group[view] == best]
-
-
-def tree_poses(group: Sequence[int], pairs: Sequence[Pair]) -> tuple[dict[int, RigidTransform], list[Pair]]:
-    """Poses along the strongest pairs that tie all, and those pairs; the first view's frame is the object's."""
-    poses = {group[0]: RigidTransform.identity()}
-    tree: list[Pair] = []
-    while len(poses) < len(group):
-        ties = [pair for pair in pairs if (pair.first in poses) != (pair.second in poses)]
-        pair = max(ties, key=lambda pair: pair.overlap)
-        if pair.first in poses:
-            poses[pair.second] = poses[pair.first] @ pair.pose
-        else:
-            poses[pair.first] = poses[pair.second] @ pair.pose.inverse()
-        tree.append(pair)
-    return poses, tree
 
 
 def adjust(

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -12,22 +12,22 @@ from numpy.typing import NDArray
 from retrue.answers import Reason
 from retrue.errors import DegenerateError, InputError, require_kind, require_kinds, require_names
 from retrue.geometry.arrays import FloatArray
-from retrue.geometry.transform import RigidTransform, vector_from_rotation
-from retrue.merging.graph import Adjusted, adjust, largest_group, tree_poses
+from retrue.geometry.transform import RigidTransform
+from retrue.merging.graph import Adjusted, adjust
 from retrue.merging.options import MergeOptions
-from retrue.merging.pairs import Pair, coarse_pose, fine_pair, require_libraries
+from retrue.merging.pairs import Pair, fine_pair, require_libraries
 from retrue.merging.standing import find_standing, without
 from retrue.merging.surface import Surface, cell_in_reach, make_surface, surface_mesh
+from retrue.merging.ties import Progress, good, ties
 from retrue.merging.view import View, local_normals, make_view, require_points_for_view, usual_cell, usual_spacing
 from retrue.reconstruction.cloud import Cloud, Mesh
 from retrue.shown import ShortRepr, Shown, counted, figures, in_space
 from retrue.values import ByValue
 
 LEAST_IN_GROUP = 2
+TOLD = 0.005  # of the points: less rounds to nothing
 SURFACE_REACH = 1.5  # spacings of the points: the h of the surface
 MESH_CELL = 1.2  # spacings
-
-Progress = Callable[[int, int], None]
 
 
 @dataclass(frozen=True, slots=True, eq=False, repr=False)
@@ -123,14 +123,17 @@ class NoCommonSurface(Reason):
     ----------
     best : the largest share of it, or of its neighbour, that lay on the other's surface.
     contradicted : the share that then lay before what the other's camera saw.
+    overlooked : the share of what that camera ought to have seen, and did not.
     """
 
     view: str
     best: float
     contradicted: float
+    overlooked: float
 
     def __str__(self) -> str:
-        return f"{self.view} was left out: {_why(self.best, self.contradicted)}: another object, or too far turned"
+        why = _why(self.best, self.contradicted, self.overlooked)
+        return f"{self.view} was left out: {why}: another object, or too far turned"
 
 
 @dataclass(frozen=True, slots=True)
@@ -140,17 +143,21 @@ class NothingInCommon(Reason):
     views: int
     best: float
     contradicted: float
+    overlooked: float
 
     def __str__(self) -> str:
         return (
-            f"no two of {self.views} views show a common surface: {_why(self.best, self.contradicted)}; "
+            f"no two of {self.views} views show a common surface: "
+            f"{_why(self.best, self.contradicted, self.overlooked)}; "
             "take them with more overlap, each in its own camera's frame"
         )
 
 
-def _why(best: float, contradicted: float) -> str:
-    words = f"at most {best:.0%} of one lies on another's surface"
-    return words + (f", and {contradicted:.0%} before what that camera saw" if contradicted >= 0.005 else "")
+def _why(best: float, contradicted: float, overlooked: float) -> str:
+    words = [f"at most {best:.0%} of one lies on another's surface"]
+    words += [f"{contradicted:.0%} before what that camera saw"] if contradicted >= TOLD else []
+    words += [f"{overlooked:.0%} of what that camera ought to have seen is missing there"] if overlooked >= TOLD else []
+    return ", and ".join(words)
 
 
 def merge(
@@ -203,18 +210,15 @@ def merge(
         cell = _cell(clouds, options)
         views = [_view(name, cloud, cell) for name, cloud in zip(names, clouds, strict=True)]
     tried: dict[tuple[int, int], Pair] = {}
-    pairs = _ties(views, options, cell, tried, progress)
-    group = largest_group(len(views), pairs)
-    if len(group) < LEAST_IN_GROUP:
+    poses = ties(views, options, cell, tried, progress)
+    if len(poses) < LEAST_IN_GROUP:
         return RefusedMerge(NothingInCommon(len(views), *_nearest_miss(tried.values())))
-    inside = [pair for pair in pairs if pair.first in group]
-    poses, _ = tree_poses(group, inside)
     neighbours = _neighbours(views, poses, options, cell)
     adjusted = adjust(views, poses, [(pair.first, pair.second) for pair in neighbours], cell)
     left_out = {
         view: NoCommonSurface(names[view], *_nearest_miss(pair for key, pair in tried.items() if view in key))
         for view in range(len(views))
-        if view not in group
+        if view not in poses
     }
     return _merged(clouds, views, adjusted, left_out, 1 - sum(map(len, clouds)) / before, names)
 
@@ -231,10 +235,10 @@ def _cell(clouds: Sequence[Cloud], options: MergeOptions) -> float:
     return options.cell
 
 
-def _nearest_miss(pairs: Iterable[Pair]) -> tuple[float, float]:
-    """Overlap and contradiction of the pair that overlaps most."""
+def _nearest_miss(pairs: Iterable[Pair]) -> tuple[float, float, float]:
+    """Overlap, and what contradicts it, of the pair that overlaps most."""
     best = max(pairs, key=lambda pair: pair.overlap, default=None)
-    return (0.0, 0.0) if best is None else (best.overlap, best.contradicted)
+    return (0.0, 0.0, 0.0) if best is None else (best.overlap, best.contradicted, best.overlooked)
 
 
 def _view(name: str, cloud: Cloud, cell: float) -> View:
@@ -242,60 +246,6 @@ def _view(name: str, cloud: Cloud, cell: float) -> View:
         return make_view(cloud.points, cloud.sigma, cell)
     except DegenerateError as error:
         raise DegenerateError(f"{name}: {error}") from error
-
-
-def _good(pair: Pair, options: MergeOptions) -> bool:
-    return pair.overlap >= options.least_overlap and pair.contradicted <= options.most_contradicted
-
-
-def _ties(
-    views: Sequence[View],
-    options: MergeOptions,
-    cell: float,
-    tried: dict[tuple[int, int], Pair],
-    progress: Progress | None,
-) -> list[Pair]:
-    """Pairs that tie as many views as can be: neighbours in the order of taking first, none of what is tied already."""
-    count = len(views)
-    if options.turntable:
-        return _turned(views, options, cell, tried)
-    pairs: list[Pair] = []
-    group = list(range(count))
-    for step in range(1, count):
-        for first in range(count - step):
-            second = first + step
-            if group[first] == group[second]:
-                continue
-            pair = fine_pair(first, second, views, coarse_pose(views[first], views[second], cell), cell)
-            tried[first, second] = pair
-            if _good(pair, options):
-                pairs.append(pair)
-                group = [group[first] if each == group[second] else each for each in group]
-                if progress is not None:
-                    progress(len(largest_group(count, pairs)), count)
-    return pairs
-
-
-def _turned(
-    views: Sequence[View], options: MergeOptions, cell: float, tried: dict[tuple[int, int], Pair]
-) -> list[Pair]:
-    """The same on a turntable, where all steps are one motion: that which most of them fit."""
-    count = len(views)
-    angle = 2 * np.pi / count
-    steps = [(first, (first + 1) % count) for first in range(count)]
-    best: list[Pair] = []
-    for first, second in steps:
-        pair = fine_pair(first, second, views, coarse_pose(views[first], views[second], cell), cell)
-        tried[first, second] = pair
-        turned = float(np.linalg.norm(vector_from_rotation(pair.pose.R)))
-        if not (_good(pair, options) and abs(turned - angle) < 0.2 * angle):
-            continue
-        found = [fine_pair(a, b, views, pair.pose, cell) for a, b in steps]
-        found = [each for each in found if _good(each, options)]
-        best = found if len(found) > len(best) else best
-        if len(best) >= count - 1:
-            break
-    return best
 
 
 def _neighbours(
@@ -310,7 +260,7 @@ def _neighbours(
             if not _face_alike(views[first], views[second], start):
                 continue
             pair = fine_pair(first, second, views, start, cell)
-            if _good(pair, options):
+            if good(pair, options):
                 found.append(pair)
     return found
 

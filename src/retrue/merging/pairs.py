@@ -18,13 +18,14 @@ from retrue.errors import InputError
 from retrue.geometry.arrays import BoolArray, FloatArray, IntArray
 from retrue.geometry.robust import MAD_TO_SIGMA, biweight
 from retrue.geometry.transform import RigidTransform, rotation_from_vector
+from retrue.merging.sight import Sight, evidence, sight
 from retrue.merging.view import View
 
 GATE = 2.0  # cells within which the other surface's nearest point is a counterpart
 ALIKE = np.cos(np.radians(40.0))  # between normals of counterparts
-BEFORE = 0.5  # cells before the other surface, and more than noise, that contradict
 NOISE_SIGMAS, SAMPLING = 3.0, 0.01  # on the other's surface is what is so near; of the cell
-COARSE_CELLS, COARSE_REACH = 1.5, 4.0
+COARSE_CELLS = (1.0, 1.4, 2.0, 0.7, 2.8, 4.0)  # by half octaves: shapes of one size that fail are told by others
+COARSE_REACH = 4.0
 MATCHER_CELL = 0.3
 FINE_STEPS, SETTLING_STEPS = 20, 3
 FEWEST_COUNTERPARTS = 20
@@ -40,6 +41,8 @@ class Pair:
     pose : first_from_second.
     overlap : share of the smaller view that lies on the other.
     contradicted : the larger of the shares of the two that lie where the other saw through.
+    overlooked : the larger of the shares of what the one ought to have seen of the other, and did not.
+    evidence : log odds that the pose is right, by what each camera saw of the other's points.
     """
 
     first: int
@@ -47,6 +50,8 @@ class Pair:
     pose: RigidTransform
     overlap: float
     contradicted: float
+    overlooked: float
+    evidence: float
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -72,12 +77,12 @@ def require_libraries() -> None:
             raise InputError(f'merge: expected the library {name}, found none; pip install ".[merge]"')
 
 
-def coarse_pose(first: View, second: View, cell: float) -> RigidTransform:
-    """first_from_second from local shapes alone; whatever it says of views without common surface."""
+def coarse_pose(first: View, second: View, cell: float, cells: float) -> RigidTransform:
+    """first_from_second from shapes of so many cells alone; whatever it says of views without common surface."""
     import kiss_matcher
 
     library: Any = kiss_matcher
-    scale = MATCHER_CELL / (COARSE_CELLS * cell)  # its limits are lengths, and mean this cell
+    scale = MATCHER_CELL / (cells * cell)  # its limits are lengths, and mean this cell
     matcher = library.KISSMatcher(library.KISSMatcherConfig(MATCHER_CELL))
     clouds = [list((scale * view.points).astype(np.float32)) for view in (second, first)]
     found = matcher.estimate(*clouds)
@@ -97,8 +102,15 @@ def fine_pair(first: int, second: int, views: Sequence[View], pose: RigidTransfo
     found = counterparts(large, small, large_from_small, cell)
     off = _off(target, source, cell)
     overlap = float((np.abs(found.distance) < off).sum()) / len(small.points)
-    against = max(_seen_through(target, source, pose, cell), _seen_through(source, target, back, cell))
-    return Pair(first, second, pose, overlap, against)
+    each = both_sights(target, source, pose, cell)
+    contradicted, overlooked = max(one.contradicted for one in each), max(one.overlooked for one in each)
+    return Pair(first, second, pose, overlap, contradicted, overlooked, sum(evidence([one]) for one in each))
+
+
+def both_sights(target: View, source: View, pose: RigidTransform, cell: float) -> tuple[Sight, Sight]:
+    """What the target's camera says of the source's points, and the other way round."""
+    off = _off(target, source, cell)
+    return sight(target, source, pose, cell, off), sight(source, target, pose.inverse(), cell, off)
 
 
 def counterparts(target: View, source: View, pose: RigidTransform, cell: float) -> Counterparts:
@@ -174,16 +186,3 @@ def _nearest(target: View, places: FloatArray, normals: FloatArray, cell: float)
     near = np.isfinite(distance)
     row = np.where(near, row, 0)
     return near & ((target.normals[row] * normals).sum(axis=1) > ALIKE), row
-
-
-def _seen_through(target: View, source: View, pose: RigidTransform, cell: float) -> float:
-    """Share of the source that lies before what the target's camera saw there."""
-    places = pose.apply(source.points)
-    ahead = places[:, 2] > 0
-    rays = np.where(ahead[:, None], places[:, :2] / np.where(ahead, places[:, 2], 1.0)[:, None], np.inf)
-    depth = float(np.median(target.points[:, 2]))
-    distance, row = target.ray_tree.query(np.where(ahead[:, None], rays, 1e9), distance_upper_bound=cell / depth)
-    asked = np.isfinite(distance)
-    row = np.where(asked, row, 0)
-    before = ((places - target.points[row]) * target.normals[row]).sum(axis=1)
-    return float((asked & (before > BEFORE * cell + _off(target, source, cell))).mean())

@@ -16,6 +16,8 @@ FEWEST_POINTS = 50
 PATCH = 16  # points of a quadric
 FLATTEST = 0.5  # scatter across a local plane of that along it; beyond it there is no surface
 SIDEWAYS = 0.2  # noise across a ray, of that along it
+EDGE, CUT = 0.25, 0.3  # cells to the outermost point; share of a side that points so near to it fill, if it is cut
+STRAYS = 0.002  # of the points, outside of all others
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -27,6 +29,7 @@ class View:
     points, normals : (N, 3), normals towards the camera.
     sigma : (N,) standard deviation along the normal, as far as the view itself tells.
     rays : (N, 2) where the camera sees them, X / Z and Y / Z.
+    field : (2, 2) lowest and highest X / Z and Y / Z that the picture holds; infinite where the surface ends within it.
     noise : one standard deviation of such a point along its normal, in the view's unit.
     tree, ray_tree, prepared : to ask for neighbours, and what small_gicp keeps of the points.
     """
@@ -35,6 +38,7 @@ class View:
     normals: FloatArray
     sigma: FloatArray
     rays: FloatArray
+    field: FloatArray
     noise: float
     tree: Any
     ray_tree: Any
@@ -84,11 +88,25 @@ def make_view(points: FloatArray, sigma: FloatArray | None, cell: float) -> View
         normals,
         smoothed * shape / np.median(shape),
         rays,
+        _field(points[:, :2] / points[:, 2:], cell / float(np.median(thin[:, 2]))),
         smoothed,
         neighbour_tree(thin),
         neighbour_tree(rays),
         _prepared(thin),
     )
+
+
+def _field(rays: FloatArray, width: float) -> FloatArray:
+    """A picture's edge cuts a surface off along a line; the surface's own end touches such a line at a place only."""
+    field = np.array([[-np.inf, -np.inf], [np.inf, np.inf]])
+    bins = np.floor(rays / width).astype(np.int64)
+    for axis in (0, 1):
+        for end, outermost in enumerate(np.quantile(rays[:, axis], (STRAYS, 1 - STRAYS))):
+            outwards = (rays[:, axis] - outermost) * (1 if end else -1)
+            along = bins[:, 1 - axis]
+            if len(np.unique(along[outwards > -EDGE * width])) > CUT * len(np.unique(along)):
+                field[end, axis] = outermost
+    return field
 
 
 def _patches(points: FloatArray, places: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray, IntArray, Any]:

@@ -1,0 +1,102 @@
+"""Which views belong together: pairs tie them, strongest first, and every tie is heard by all views that it joins."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+
+import numpy as np
+
+from retrue.geometry.transform import RigidTransform, vector_from_rotation
+from retrue.merging.options import MergeOptions
+from retrue.merging.pairs import COARSE_CELLS, Pair, both_sights, coarse_pose, fine_pair
+from retrue.merging.sight import Sight, evidence
+from retrue.merging.view import View
+
+PROVEN = 3.0  # log odds: twenty to one
+
+Progress = Callable[[int, int], None]
+Poses = dict[int, RigidTransform]
+Tried = dict[tuple[int, int], Pair]
+
+
+def good(pair: Pair, options: MergeOptions) -> bool:
+    """Whether surfaces lie on each other, and hardly any lies where the other saw through."""
+    return pair.overlap >= options.least_overlap and pair.contradicted <= options.most_contradicted
+
+
+def ties(views: Sequence[View], options: MergeOptions, cell: float, tried: Tried, progress: Progress | None) -> Poses:
+    """Poses of the most views that can be tied, the first one's frame the object's; pairs tried go into `tried`.
+
+    Neighbours in the order of taking first; of each pair the pose that has most for it, by shapes of whatever size.
+    """
+    if options.turntable:
+        return _turned(views, options, cell, tried)
+    count = len(views)
+    groups: list[Poses] = [{view: RigidTransform.identity()} for view in range(count)]
+    for step in range(1, count):
+        for first in range(count - step):
+            second = first + step
+            if not any(first in group and second in group for group in groups):
+                tried[first, second] = _best(first, second, views, options, cell)
+        found = [pair for (first, second), pair in tried.items() if second - first == step and good(pair, options)]
+        for pair in sorted(found, key=lambda each: -each.evidence):
+            groups = _joined(groups, pair, views, cell)
+            if progress is not None:
+                progress(max(map(len, groups)), count)
+    return _in_order(max(groups, key=len))
+
+
+def _best(first: int, second: int, views: Sequence[View], options: MergeOptions, cell: float) -> Pair:
+    """Of the poses that shapes of each size tell: those that could be right before others, by evidence."""
+    found = [
+        fine_pair(first, second, views, coarse_pose(views[first], views[second], cell, cells), cell)
+        for cells in COARSE_CELLS
+    ]
+    return max(found, key=lambda each: (good(each, options), each.evidence if good(each, options) else each.overlap))
+
+
+def _joined(groups: list[Poses], pair: Pair, views: Sequence[View], cell: float) -> list[Poses]:
+    """The groups, two of them made one by the pair, if all that they saw together proves it."""
+    one, other = (next(group for group in groups if view in group) for view in (pair.first, pair.second))
+    if one is other:
+        return groups
+    shift = one[pair.first] @ pair.pose @ other[pair.second].inverse()
+    moved = {view: shift @ pose for view, pose in other.items()}
+    said: dict[int, list[Sight]] = {view: [] for view in (*one, *moved)}
+    for first, pose in one.items():
+        for second, its in moved.items():
+            by_first, by_second = both_sights(views[first], views[second], pose.inverse() @ its, cell)
+            said[first].append(by_first)
+            said[second].append(by_second)
+    if not sum(map(evidence, said.values())) >= PROVEN:
+        return groups
+    return [one | moved if group is one else group for group in groups if group is not other]
+
+
+def _in_order(group: Poses) -> Poses:
+    first = group[min(group)].inverse()
+    return {view: first @ group[view] for view in sorted(group)}
+
+
+def _turned(views: Sequence[View], options: MergeOptions, cell: float, tried: Tried) -> Poses:
+    """The same on a turntable, where all steps are one motion: that which most of them fit."""
+    count = len(views)
+    angle = 2 * np.pi / count
+    steps = [(first, (first + 1) % count) for first in range(count)]
+    best: list[Pair] = []
+    for first, second in steps:
+        start = coarse_pose(views[first], views[second], cell, COARSE_CELLS[0])
+        pair = fine_pair(first, second, views, start, cell)
+        tried[first, second] = pair
+        turned = float(np.linalg.norm(vector_from_rotation(pair.pose.R)))
+        if not (good(pair, options) and abs(turned - angle) < 0.2 * angle):
+            continue
+        found = [fine_pair(a, b, views, pair.pose, cell) for a, b in steps]
+        found = [each for each in found if good(each, options)]
+        best = found if len(found) > len(best) else best
+        if len(best) >= count - 1:
+            break
+    groups: list[Poses] = [{view: RigidTransform.identity()} for view in range(count)]
+    for pair in sorted(best, key=lambda each: -each.evidence):
+        groups = _joined(groups, pair, views, cell)
+    return _in_order(max(groups, key=len))
