@@ -14,7 +14,7 @@ from retrue.merging.pairs import Counterparts, counterparts, moved, normal_equat
 from retrue.merging.view import View, neighbour_tree
 
 MOST_STEPS = 15
-SETTLED = 1e-3  # of the cell: points move less than this
+SETTLED = 1e-4  # of the cell: points move less than this
 LOOP_FREEDOM = 6
 MOST_ASKED = 4000  # counterparts of a pair, whose neighbours tell how far errors are alike
 RINGS = 16  # of one cell each, about a counterpart; beyond, what all share is held to be a pose
@@ -56,12 +56,15 @@ def adjust(
     information = np.eye(size)
     directed = [*pairs, *((second, first) for first, second in pairs)]
     for _ in range(MOST_STEPS):
+        found = [
+            counterparts(views[first], views[second], poses[first].inverse() @ poses[second], cell)
+            for first, second in directed
+        ]
+        ratios = np.abs(np.concatenate([each.distance / each.sigma for each in found]))
+        level = max(MAD_TO_SIGMA * float(np.median(ratios)), 1e-9)
         information, gradient = np.zeros((size, size)), np.zeros(size)
-        ratios: list[FloatArray] = []
-        for first, second in directed:
-            found = counterparts(views[first], views[second], poses[first].inverse() @ poses[second], cell)
-            ratios.append(found.distance / found.sigma)
-            H, g, _ = normal_equations(found, level)
+        for (first, second), each in zip(directed, found, strict=True):
+            H, g, _ = normal_equations(each, level)
             turn = _adjoint(poses[first])  # from the object's frame to the first view's
             H, g = turn.T @ H @ turn / 2, turn.T @ g / 2
             a, b = (slice(6 * place[view], 6 * place[view] + 6) for view in (first, second))
@@ -69,7 +72,6 @@ def adjust(
                 gradient[rows] += row_sign * g
                 for columns, column_sign in ((a, -1), (b, 1)):
                     information[rows, columns] += row_sign * column_sign * H
-        level = max(MAD_TO_SIGMA * float(np.median(np.abs(np.concatenate(ratios)))), 1e-9)
         step = np.zeros(size)
         step[6:] = -np.linalg.solve(information[6:, 6:], gradient[6:])
         poses = {view: moved(pose, step[6 * place[view] : 6 * place[view] + 6]) for view, pose in poses.items()}
