@@ -157,7 +157,8 @@ def _why(best: float, contradicted: float, overlooked: float) -> str:
     words = [f"at most {best:.0%} of one lies on another's surface"]
     words += [f"{contradicted:.0%} before what that camera saw"] if contradicted >= TOLD else []
     words += [f"{overlooked:.0%} of what that camera ought to have seen is missing there"] if overlooked >= TOLD else []
-    return ", and ".join(words)
+    *most, last = words
+    return f"{', '.join(most)}, and {last}" if most else last
 
 
 def merge(

@@ -38,8 +38,8 @@ def ties(views: Sequence[View], options: MergeOptions, cell: float, tried: Tried
             second = first + step
             if not any(first in group and second in group for group in groups):
                 tried[first, second] = _best(first, second, views, options, cell)
-        found = [pair for (first, second), pair in tried.items() if second - first == step and good(pair, options)]
-        for pair in sorted(found, key=lambda each: -each.evidence):
+        found = [pair for pair in tried.values() if good(pair, options)]
+        for pair in sorted(found, key=lambda each: -each.evidence):  # again, as there are more to ask now
             groups = _joined(groups, pair, views, cell)
             if progress is not None:
                 progress(max(map(len, groups)), count)
@@ -85,9 +85,7 @@ def _turned(views: Sequence[View], options: MergeOptions, cell: float, tried: Tr
     steps = [(first, (first + 1) % count) for first in range(count)]
     best: list[Pair] = []
     for first, second in steps:
-        start = coarse_pose(views[first], views[second], cell, COARSE_CELLS[0])
-        pair = fine_pair(first, second, views, start, cell)
-        tried[first, second] = pair
+        pair = tried[first, second] = _best(first, second, views, options, cell)
         turned = float(np.linalg.norm(vector_from_rotation(pair.pose.R)))
         if not (good(pair, options) and abs(turned - angle) < 0.2 * angle):
             continue
