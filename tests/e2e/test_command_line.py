@@ -301,3 +301,13 @@ def test_reconstruct_refuses_a_capture_that_contradicts_the_rig(retrue, files):
 def test_the_package_runs_as_a_module():
     done = subprocess.run([sys.executable, "-m", "retrue", "--version"], capture_output=True, text=True, check=False)
     assert (done.returncode, done.stdout.split()[0], done.stderr) == (0, "retrue", "")
+
+
+@pytest.mark.parametrize("words", [["--version"], ["--help"], ["recalibrate", "--help"]])
+def test_what_nobody_reads_to_its_end_is_no_fault(words):
+    """As `| head` leaves it."""
+    command = [sys.executable, "-m", "retrue", *words]
+    with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE) as run:
+        run.stdout.close()
+        assert run.stderr.read() == b""
+    assert run.returncode == 0

@@ -35,11 +35,15 @@ def main(arguments: Sequence[str] | None = None) -> int:
     if arguments == ["--version"]:
         from importlib.metadata import version
 
-        print(f"retrue {version('retrue')}")
+        _print(f"retrue {version('retrue')}")
         return 0
     as_json = "--json" in arguments
     try:
-        command = parse(arguments)
+        try:
+            command = parse(arguments)
+        except BrokenPipeError:  # its help, cut short
+            _read_no_more()
+            return 0
         terminal.start(quiet=command.quiet, verbose=command.verbose)
         with warnings.catch_warnings():
             warnings.simplefilter("default", RetrueWarning)  # each once
@@ -83,7 +87,12 @@ def _print(text: str) -> None:
     try:
         print(text, flush=True)
     except BrokenPipeError:
-        sys.stdout = Path(os.devnull).open("w", encoding="utf-8")  # noqa: SIM115 - for what Python flushes at its end
+        _read_no_more()
+
+
+def _read_no_more() -> None:
+    """What is printed from here on goes nowhere."""
+    sys.stdout = Path(os.devnull).open("w", encoding="utf-8")  # noqa: SIM115 - for what Python flushes at its end
 
 
 def _painted(outcome: Outcome) -> str:
