@@ -112,7 +112,6 @@ def variances(
         return 1.0, *(0.0,) * (1 + len(repeated))
     starts = np.cumsum([0, *map(len, kernels)])
     views = [slice(*ends) for ends in pairwise(starts)]
-
     smooth = np.concatenate([K @ taken[view] for K, view in zip(kernels, views, strict=True)])
     near = sum(size[view] @ K @ size[view] for K, view in zip(kernels, views, strict=True))
     inner, crossed, overlap = taken.T @ taken, taken.T @ smooth, float(np.sum(taken * smooth))

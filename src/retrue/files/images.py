@@ -140,13 +140,13 @@ def _decoded(path: Path, header: ImageHeader, grey: bool) -> Image:
     import cv2
     import numpy as np
 
-    from retrue.files.jpeg_scan import pixels_are_whole
-
     flags = cv2.IMREAD_ANYDEPTH | cv2.IMREAD_IGNORE_ORIENTATION
     flags |= cv2.IMREAD_GRAYSCALE if grey or header.channels == 1 else cv2.IMREAD_COLOR
     content = read_bytes(path, BYTES_A_PIXEL * header.size[0] * header.size[1] + METADATA_BYTES)
     too_short = header.size[0] * header.size[1] > MOST_PIXELS_A_BYTE * len(content)
     if content.startswith(JPEG):
+        from retrue.files.jpeg_scan import pixels_are_whole
+
         if (scans := jpeg_scans(content, MOST_SCANS)) > MOST_SCANS:
             raise FileError(path, f"expected a JPEG of at most {MOST_SCANS} scans, found more")
         whole = scans > 0 and pixels_are_whole(content)

@@ -25,7 +25,7 @@ from retrue.recalibration.turned_pictures import Reading, readings
 from retrue.rig import Rig
 
 FAR_TURN_DEG = 45.0  # what turns a picture moves the rig by more
-SELDOM = 7.0  # nats: one capture in a thousand is turned
+SELDOM_TURNED = 7.0  # nats: one capture in a thousand is turned
 MAY_BE_MIRRORED = 0.5
 """Share of triangles that run the other way round: wrong points make half of theirs do so."""
 
@@ -51,15 +51,15 @@ def judge_as_meant(rig: Rig, captures: Sequence[Correspondences], options: Recal
     try:
         judgement = judge(rig, captures, options)
     except DegenerateError:
-        back = _all_read(rig, captures, options, mirrored=mirrored)
+        back = _all_read(rig, _readings(rig, captures, mirrored=mirrored), options)
         if not back:
             raise
         raise Undecidable(_reason(min(back, key=lambda one: one.moved_deg), share, None)) from None
     moved = move_deg(judgement.answer.pose, own_pose(rig))
     if not (mirrored or moved > FAR_TURN_DEG or judgement.lens.verdict == "changed"):
         return judgement
-    back = _all_read(rig, captures, options, mirrored=mirrored)
-    margins = [_evidence(judgement, moved, one.judgement, one.moved_deg) + SELDOM for one in back]
+    back = _all_read(rig, _readings(rig, captures, mirrored=mirrored), options)
+    margins = [_evidence(judgement, moved, one.judgement, one.moved_deg) + SELDOM_TURNED for one in back]
     if back and not min(margins) >= options.min_margin:
         read, exchanged = back[int(np.argmin(margins))], judgement.misread
         if not (isinstance(exchanged, DevicesExchanged) and exchanged.meant_deg <= read.moved_deg):
@@ -72,7 +72,7 @@ def _whose_mirrored(
     rig: Rig, captures: Sequence[Correspondences], share: float, options: RecalibrateOptions
 ) -> PictureMirrored:
     """Whose picture it is, and which way, where the points and the old pose tell."""
-    back = [one for one in _all_read(rig, captures, options, mirrored=True) if one.reading.mirrored]
+    back = _all_read(rig, readings(rig, captures, mirrored=True), options)
     if len(back) == 2:
         one, other = back
         margin = _evidence(one.judgement, one.moved_deg, other.judgement, other.moved_deg)
@@ -88,12 +88,15 @@ def _reason(read: _Read, share: float, moved_deg: float | None) -> PictureTurned
     return PictureTurned(reading.device, reading.quarters, read.moved_deg, moved_deg)
 
 
-def _all_read(
-    rig: Rig, captures: Sequence[Correspondences], options: RecalibrateOptions, *, mirrored: bool
-) -> list[_Read]:
-    """All readings through which the points have a pose that nothing but its sigma, or a rival, speaks against."""
+def _readings(rig: Rig, captures: Sequence[Correspondences], *, mirrored: bool) -> list[Reading]:
+    """With a picture turned back, and where one may be mirrored, mirrored back, too."""
+    return readings(rig, captures) + (readings(rig, captures, mirrored=True) if mirrored else [])
+
+
+def _all_read(rig: Rig, several: Sequence[Reading], options: RecalibrateOptions) -> list[_Read]:
+    """Those readings through which the points have a pose that nothing but its sigma, or a rival, speaks against."""
     old, found = own_pose(rig), list[_Read]()
-    for reading in readings(rig, captures) + (readings(rig, captures, mirrored=True) if mirrored else []):
+    for reading in several:
         try:
             judgement = judge(rig, reading.captures, options)
         except DegenerateError:

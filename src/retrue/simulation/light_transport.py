@@ -97,7 +97,7 @@ def find_transport(rig: Rig, scene: Scene, projector_blur_px: float = 0.4) -> Li
 def _gathered(rig: Rig, scene: Scene, seen: list[Seen]) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Gain and room (h, w, 3), and the projector pixel (h, w, 2), 0 in shadow: a pixel's middle, at edges its mean.
 
-    An edge that jumps from pixel to pixel puts a board's corners up to .7 px beside themselves.
+    An edge that jumps from pixel to pixel would put a board's corners beside themselves, alike in all noise.
     """
     gain, room = (np.concatenate([getattr(part, name) for part in seen]) for name in ("gain", "room"))
     at = np.concatenate([part.projector_px for part in seen])
