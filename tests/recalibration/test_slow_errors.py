@@ -21,6 +21,7 @@ from tests.recalibration.scenes import RIG, SIDE_WALL, SPHERE, WALL, Scene, capt
 
 EXACT_LENSES = RecalibrateOptions(focal_sigma=1e-7, principal_point_sigma_px=1e-5, k1_sigma=1e-8)
 ROOM = Scene(planes=[WALL, SIDE_WALL], spheres=[SPHERE])
+WALLS = WALL, (np.array([-0.35, 0.1, 1.0]), 1.5), (np.array([0.1, -0.45, 1.0]), 1.6)
 
 
 def slowly_off(points: Correspondences, amplitude: float, rng: np.random.Generator) -> Correspondences:
@@ -52,6 +53,23 @@ def test_an_error_that_the_fit_took_up_is_no_longer_many_sigma_and_none_costs_li
     assert whole < alone / 6
     alone, whole = normalised_errors(0.0)
     assert alone / 3 < whole < 6
+
+
+def test_an_error_of_one_capture_is_sought_in_that_one() -> None:
+    """It bends a pose that three walls hardly hold; a wave that all three share would fit the others' points."""
+    alone, whole = list[float](), list[float]()
+    for seed in range(8):
+        first, *others = (
+            capture(Scene(planes=[wall]), grid=(32, 24), seed=3 * seed + k) for k, wall in enumerate(WALLS)
+        )
+        slow = slowly_off(first, 0.05, np.random.default_rng(seed))
+        found = judge(RIG, [slow, *others], EXACT_LENSES)
+        error = pose_difference(own_pose(RIG), found.answer.pose)
+        alone.append(float(error @ np.linalg.solve(found.answer.covariance, error)))
+        whole.append(float(error @ np.linalg.solve(found.answer.covariance + found.slow.covariance, error)))
+        assert found.slow.weights.sum() == pytest.approx(1)
+    assert np.mean(alone) > 20
+    assert np.mean(whole) < 5
 
 
 def test_it_is_what_brute_force_has_it() -> None:

@@ -12,7 +12,7 @@ from retrue.geometry.camera import Camera
 from retrue.geometry.two_view import FREE, PlaneBows, TwoViewPoints
 from retrue.kernels import lenses as kernel
 from retrue.recalibration.bows import CURVED
-from retrue.recalibration.fit import Support
+from retrue.recalibration.fit import BLOCKS, Support
 from retrue.recalibration.lens import LENS_PARAMETERS, lens_numbers
 from retrue.recalibration.uneven_noise import NoiseShape
 from retrue.rig import Rig
@@ -62,6 +62,11 @@ class Measured:
     def bowed(self, bows: FloatArray) -> PlaneBows:
         """Planes by those bows (P, B), and what share of its plane's disparity each moves a point by."""
         return self._bends, np.ascontiguousarray(bows)
+
+    @property
+    def capture(self) -> IntArray:
+        """(N,) the number of each point's capture, as the blocks of its picture have it."""
+        return self.support.blocks[0] // BLOCKS**2
 
     def may_be_curved(self, planes: int) -> BoolArray:
         """(P,) which of so many planes may be `CURVED` times as bowed as walls are."""

@@ -42,6 +42,12 @@ class Rays:
         """The same, with only those rows."""
         return Rays(self.points.select(rows), self.capture[rows], self.row[rows])
 
+    def as_loud(self, loudness: FloatArray) -> Rays:
+        """The same where each capture (C,) is so much louder than the usual one."""
+        times = loudness[self.capture]
+        camera, projector = self.points.camera_sigma * times, self.points.projector_sigma * times
+        return replace(self, points=replace(self.points, camera_sigma=camera, projector_sigma=projector))
+
     def without_planes(self, gone: BoolArray) -> Rays:
         """The same where the points of those planes (P,) lie on none."""
         return replace(self, points=self.points.without_planes(gone))

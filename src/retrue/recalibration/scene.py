@@ -22,6 +22,7 @@ from retrue.recalibration.candidates import (
 )
 from retrue.recalibration.doubtful_planes import planes_between
 from retrue.recalibration.fit import Support
+from retrue.recalibration.loudness import loudness_of_captures
 from retrue.recalibration.measured import MISFIT_PX
 from retrue.recalibration.options import RecalibrateOptions
 from retrue.recalibration.parameters import Parameters
@@ -134,6 +135,9 @@ def scene_of(
     flat = np.zeros(len(homographies), dtype=np.bool_)
     photographs = all(capture.card is not None and capture.card.counted == "features" for capture in captures)
     neighbours = nearest_points(few)
+    if len(captures) > 1:
+        loudness = loudness_of_captures(few, neighbours, homographies, len(captures))
+        rays, few = rays.as_loud(loudness), few.as_loud(loudness)
     scene = Scene(rig, captures, options, rays, few, turned, homographies, flat, neighbours, noise, local, photographs)
     if not photographs:
         between = planes_between(few.points.plane_index, neighbours, len(homographies))

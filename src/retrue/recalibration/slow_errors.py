@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from retrue.geometry.arrays import FloatArray
+from retrue.geometry.arrays import FloatArray, IntArray
 from retrue.geometry.two_view import PARAMETERS, POSE_PARAMETERS, normal_blocks
 from retrue.recalibration.parameters import LENSES
 from retrue.recalibration.posterior import Posterior
@@ -37,7 +37,7 @@ class TakenUp:
 
 
 def taken_up(answer: Posterior) -> TakenUp:
-    """What slow errors may have done to its pose, by the evidence of each kind.
+    """What slow errors may have done to its pose, by the evidence of each kind; each capture has its own.
 
     Across the epipolar lines an error may run smoothly over the picture, f = sum a_k cos(i pi u) cos(j pi v), with
     a ~ N(0, s^2 Q) and Q = exp(-3/4 length^2 (i^2 + j^2)). Beside the unknowns x, of information A with their priors,
@@ -46,9 +46,21 @@ def taken_up(answer: Posterior) -> TakenUp:
         G = F^T W F - C^T A^-1 C,    g = F^T W r - C^T A^-1 J^T W r,    C = J^T W F
         log p = (g^T D (1 + D G D)^-1 D g - log |1 + D G D|) / 2,       D = s Q^(1/2)
 
-    in the noise that neighbours are seen to share. As the pose takes up M a, M = A^-1 C, it lacks M E[a a^T] M^T.
+    in the noise that neighbours are seen to share. As the pose takes up M a, M = A^-1 C, it lacks M E[a a^T] M^T. Of
+    several captures the kinds of each are told, the others' being what they are on average.
     """
-    cross, squares, left = _equations(answer)
+    captures = answer.measured.capture
+    each = [_of_capture(answer, np.flatnonzero(captures == index)) for index in np.unique(captures)]
+    average = np.sum([one.covariance for one in each], axis=0)
+    return TakenUp(
+        np.concatenate([one.weights for one in each]) / len(each),
+        np.concatenate([one.covariances + (average - one.covariance) for one in each]),
+    )
+
+
+def _of_capture(answer: Posterior, rows: IntArray) -> TakenUp:
+    """The same of an error of those points alone."""
+    cross, squares, left = _equations(answer, rows)
     follows = np.linalg.solve(answer.information, cross)
     weights, variances = _variances(squares - cross.T @ follows, left - follows.T @ answer.gradient)
     own = answer.own_and_lens[0]  # lenses that are not free take up nothing
@@ -56,9 +68,8 @@ def taken_up(answer: Posterior) -> TakenUp:
     return TakenUp(weights, (pose * variances[:, None, :]) @ pose.T)
 
 
-def _fields(answer: Posterior, out: FloatArray) -> None:
+def _fields(pixels: FloatArray, out: FloatArray) -> None:
     """`out` (K, N) <- the cosines, of RMS 1; (u, v) run over what is seen, to 1 along its longer side."""
-    pixels = answer.measured.camera_px
     place = np.subtract(pixels.T, pixels.min(axis=0)[:, None], order="C")
     cosine = np.cos(place * (np.pi / max(float(place.max()), 1e-300)))
     waves = [np.ones(cosine.shape), cosine]
@@ -68,13 +79,17 @@ def _fields(answer: Posterior, out: FloatArray) -> None:
     np.multiply(of_rms_1[:, None, 0], of_rms_1[None, :, 1], out=out.reshape(WAVES, WAVES, -1))
 
 
-def _equations(answer: Posterior) -> tuple[FloatArray, FloatArray, FloatArray]:
+def _equations(answer: Posterior, rows: IntArray) -> tuple[FloatArray, FloatArray, FloatArray]:
     """C (S, K), F^T W F (K, K) and F^T W r (K,); across its line no point knows its plane, nor how that is bowed."""
-    fit, count, bows = answer.fit, WAVES**2, answer.measured.bowed(answer.parameters.bows)
-    columns = np.empty((count + 1, 1, len(answer.points)))
-    _fields(answer, columns[:count])
-    columns[count] = fit.found.epipolar
-    blocks = normal_blocks(answer.pose, answer.points, fit.weights, columns, answer.turns, bows)[-1]
+    fit, count = answer.fit, WAVES**2
+    columns = np.empty((count + 1, 1, len(rows)))
+    _fields(answer.measured.camera_px[rows], columns[:count])
+    columns[count] = fit.found.epipolar[rows]
+    shapes, bows = answer.measured.bowed(answer.parameters.bows)
+    camera, projector = answer.turns
+    points, turns = answer.points.select(rows), (camera[rows], projector[rows])
+    weights = np.take(fit.weights, rows, axis=1)
+    blocks = normal_blocks(answer.pose, points, weights, columns, turns, (shapes[rows], bows))[-1]
     last = PARAMETERS + count
     found, lenses = slice(PARAMETERS, last), slice(last + 1, last + 1 + LENSES)
     cross = np.zeros((len(answer.gradient), count))
