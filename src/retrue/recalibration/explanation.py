@@ -95,19 +95,21 @@ def explained(scene: Scene, beliefs: Beliefs, rng: np.random.Generator) -> tuple
     """
     starts = scene.starts(beliefs.old, rng)
     searched: list[Parameters] = []
+    changed: list[Parameters] = []
     while True:
-        found = _compared(scene, beliefs, starts, searched, rng)
+        found = _compared(scene, beliefs, starts, searched, changed, rng)
         if found.lens.verdict == "changed" and not searched:
             # What was not found through the rig's own lenses is no proof that there is nothing.
             searched = scene.starts_of_no_plane(rng)
             if searched:
+                changed = [] if found.lens.posterior is None else [found.lens.posterior.parameters]
                 starts = [*(fit.parameters for fit in found.posteriors), *searched]
                 continue
         again = _doubted(scene, beliefs, found, rng)
         if isinstance(again, Explanation):
             return scene, again
         scene, starts = again.scene, again.starts
-        searched = [start.without_planes(again.gone) for start in searched]
+        searched, changed = ([start.without_planes(again.gone) for start in some] for some in (searched, changed))
 
 
 def _compared(
@@ -115,6 +117,7 @@ def _compared(
     beliefs: Beliefs,
     starts: Sequence[Parameters],
     searched: Sequence[Parameters],
+    changed: Sequence[Parameters],
     rng: np.random.Generator,
 ) -> Explanation:
     """Each hypothesis with all points and without parts, and what points say of the lenses from the best."""
@@ -142,7 +145,7 @@ def _compared(
             asides += more
             best, rivals = ranked(compared, measured, few, light, old, asides, rng)
     part = most_unexplained(asides, best)
-    lens = lens_evidence(measured, homographies, best, part, tight, wide, old, searched)
+    lens = lens_evidence(measured, homographies, best, part, tight, wide, old, searched, changed)
     if (held := held_instead(lens, compared, asides)) is not None:
         lens = replace(lens, verdict="unchecked")
         if held is not best:

@@ -28,6 +28,7 @@ from retrue.recalibration.rivals import move_deg, move_nats
 
 KNOWN_FOCAL = 0.01
 CHANGED_GAIN = 30.0  # of chi-square; eight parameters that nobody touched gain as much once in 5000 times
+BEATS = 14.0  # of chi-square: what a changed lens must be better by than whatever else explains the points
 DOUBTFUL_GAIN = 9.0
 FAR_MOVE_DEG = 10.0
 FARTHEST = 3.0  # wide sigma that a lens changes by
@@ -71,10 +72,12 @@ def lens_evidence(
     wide: LensPrior,
     old: TwoViewPose,
     searched: Sequence[Parameters] = (),
+    changed: Sequence[Parameters] = (),
 ) -> LensEvidence:
     """Fit again with free lenses where that could gain something; else what it would say is at hand.
 
-    The same through the rig's own lenses begins at the best, where free ones lead, and at what was `searched`.
+    The same through the rig's own lenses begins at the best, where free ones lead, and at what was `searched`; free
+    ones begin where they were found `changed` before, too.
     """
     real = replace(measured, misfit=MISFIT_PX)
     pull, told, gain = _asked(posterior_at(real, best.parameters, best.prior), tight, wide)
@@ -88,7 +91,7 @@ def lens_evidence(
     apart = _with_each_alone(measured, best, tight, wide)
     if gain > DOUBTFUL_GAIN or elsewhere or apart is not None or moved > FAR_MOVE_DEG:
         real, free = replace(measured, misfit=untold_misfit(measured)), Prior(wide, free=True)
-        starts = [(best.parameters, 30)]
+        starts = [(best.parameters, 30), *((start, 30) for start in changed)]
         if not measured.textured:  # what photographs' lenses leave over looks like another lens, a little further off
             with suppress(DegenerateError):
                 starts.append((drawn_in(real, best.parameters, free), 30))
@@ -106,12 +109,12 @@ def lens_evidence(
         change, covariance = posterior.parameters.lens, posterior.lens_covariance
     sigma = np.sqrt(np.diag(covariance))
     determined = bool((sigma[FOCAL] <= KNOWN_FOCAL).all())
-    # The change itself must be as clear as what it gains: another fit, of whatever kind, is no proof of a lens.
+    # The change itself must be clear: another fit, of whatever kind, is no proof of a lens.
     clear = float(change @ np.linalg.solve(covariance + tight.covariance, change))
     if posterior is not None and clear > CHANGED_GAIN:
         nearer = 2 * (move_nats(moved) - move_nats(move_deg(posterior.pose, old)))
         gain = _gain(real, best, posterior, tight, part, searched) + nearer
-    verdict = "changed" if min(gain, clear) > CHANGED_GAIN else "checked" if determined else "unchecked"
+    verdict = "changed" if clear > CHANGED_GAIN and gain > BEATS else "checked" if determined else "unchecked"
     prior = _effective_prior(tight, sigma) if verdict == "checked" else tight
     left = _with_prior(told, prior)
     asked = left @ pull  # lenses that stay are off by what the points ask for, too
@@ -123,7 +126,8 @@ def held_instead(lens: LensEvidence, fits: Sequence[Posterior], asides: Sequence
     """Of all explanations through the rig's own lenses, the one that beats changed lenses; None where none does.
 
     Where codes are wrong, the pose that explains most of them leads to other lenses, and a quieter one of fewer, which
-    has the others as copies, costs less than both.
+    has the others as copies, costs less than both; or not more, once parts that are in one place are no longer paid for
+    by the point.
     """
     if lens.verdict != "changed" or lens.posterior is None:
         return None
@@ -131,7 +135,11 @@ def held_instead(lens: LensEvidence, fits: Sequence[Posterior], asides: Sequence
     seen = [posterior_at(replace(fit.measured, misfit=misfit), fit.parameters, fit.prior) for fit in fits]
     changed, *held = total_costs([lens.posterior, *seen], asides)
     least_held = int(np.argmin(held))
-    return fits[least_held] if held[least_held] < changed else None
+    if held[least_held] < changed:
+        return fits[least_held]
+    gains = [_preferred(one, lens.posterior, None, 0.0) for one in seen]
+    least_held = int(np.argmin(gains))
+    return fits[least_held] if gains[least_held] < 0 else None
 
 
 def untold_misfit(measured: Measured) -> float:
@@ -277,7 +285,9 @@ def _preferred(held: Posterior, free: Posterior, part: Part | None, price: float
     for one in held.parts:  # what a copy puts in place along its lines, too, is one through any lenses
         if (along := anywhere_along(one, held)).sum() > price_of(one):
             preferred[one.rows] = np.where(along > 0, np.minimum(preferred[one.rows], 0.0), preferred[one.rows])
-    return (float(preferred.sum()) + price + held.prior_cost - free.prior_cost) * beyond_chance(preferred)
+    # Of chance are points, and what they would have to be excused by; what is believed of lenses is not.
+    told = (float(preferred.sum()) + price) * beyond_chance(preferred)
+    return told + held.prior_cost - free.prior_cost
 
 
 def _joint_costs(posterior: Posterior, reference: Posterior) -> FloatArray:
