@@ -7,7 +7,10 @@ from importlib import import_module
 import pytest
 from hypothesis import settings
 
+from tests.chromium import browser
 from tests.kernels.plain import SOURCES
+
+__all__ = ["browser"]
 
 settings.register_profile("untimed", deadline=None)  # how long a test takes is the machine's affair
 settings.load_profile("untimed")

@@ -4,20 +4,17 @@ from __future__ import annotations
 
 import os
 import re
-import shutil
 import subprocess
 import sys
-from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
-from playwright.sync_api import Browser, sync_playwright
+from playwright.sync_api import Browser
 
 import retrue
 from tests.docs.pages import DOCS, ROOT, pages
 
 FETCHED = re.compile(r"<(?:script|img|iframe|link)\b[^>]*?(?:src|href)=\"?(?:https?:)?//[^>]*>")
-CHROMIUM = shutil.which("chromium")
 LAPTOP, PHONE = 1280, 390
 ALL = [page.relative_to(DOCS).with_suffix(".html") for page in pages()[1:]]
 ONE_OF_A_KIND = [Path(name) for name in ("index.html", "quick-start.html", "method.html", "api/recalibration.html")]
@@ -38,16 +35,6 @@ def site(tmp_path_factory: pytest.TempPathFactory) -> Path:
     )
     assert done.returncode == 0, done.stderr
     return folder
-
-
-@pytest.fixture(scope="module")
-def browser() -> Iterator[Browser]:
-    if CHROMIUM is None:
-        pytest.skip("no chromium here: `make browser` installs it")
-    with sync_playwright() as playwright:
-        browser = playwright.chromium.launch(executable_path=CHROMIUM, args=["--no-sandbox"])
-        yield browser
-        browser.close()
 
 
 def test_every_page_is_there(site: Path) -> None:

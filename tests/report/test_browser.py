@@ -3,38 +3,18 @@
 from __future__ import annotations
 
 import io
-import shutil
 from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
 import pytest
 from PIL import Image
-from playwright.sync_api import Browser, Locator, Page, sync_playwright
+from playwright.sync_api import Browser, Locator, Page
 
 from .pages import PAGES, html
 
-CHROMIUM = shutil.which("chromium")
-SOFTWARE_WEBGL = ["--use-gl=angle", "--use-angle=swiftshader", "--enable-unsafe-swiftshader"]
-NOTHING_ELSE_BY_IT = [
-    "--disable-gpu-rasterization",
-    "--disable-gpu-compositing",
-]  # quicker than a GPU played by the CPU
 WIDE, NARROW = {"width": 1280, "height": 800}, {"width": 390, "height": 844}
 BLUE = (0x6E, 0xA8, 0xFF)  # the camera's frustum, on dark whatever the page
-
-pytestmark = pytest.mark.skipif(CHROMIUM is None, reason="no chromium here: `make browser` installs it")
-
-
-@pytest.fixture(scope="module")
-def browser() -> Iterator[Browser]:
-    with sync_playwright() as playwright:
-        browser = playwright.chromium.launch(
-            executable_path=CHROMIUM,
-            args=[*SOFTWARE_WEBGL, *NOTHING_ELSE_BY_IT, "--no-sandbox", "--disable-dev-shm-usage"],
-        )
-        yield browser
-        browser.close()
 
 
 @pytest.fixture(scope="module")

@@ -4,7 +4,6 @@ import base64
 import gzip
 import json
 import re
-import shutil
 from dataclasses import replace
 
 import numpy as np
@@ -13,8 +12,6 @@ from scipy.spatial import cKDTree
 
 from retrue import Cloud, InputError, Mesh, write_view
 from retrue.report.space import MOST_POINTS, Layer, Line, space_html, space_page
-
-BROWSER = shutil.which("chromium")
 
 
 def plane(count=4000, depth=1000.0, unit="mm"):
@@ -123,87 +120,73 @@ def test_names_are_no_markup():
     assert "<title><script>" not in page
 
 
-@pytest.mark.skipif(BROWSER is None, reason="chromium is not installed")
 @pytest.mark.parametrize("width", [1280, 390])
-def test_clicks_measure_a_slider_compares_and_planes_cut(tmp_path, width):
-    from playwright.sync_api import sync_playwright
-
+def test_clicks_measure_a_slider_compares_and_planes_cut(browser, tmp_path, width):
     cloud = plane(60_000)
     write_view(tmp_path / "view.html", cloud, before=replace(cloud, points=cloud.points * [1, 1, 1.1]))
-    with sync_playwright() as play:
-        flags = ["--no-sandbox", "--use-angle=swiftshader", "--enable-unsafe-swiftshader", "--ignore-gpu-blocklist"]
-        browser = play.chromium.launch(executable_path=BROWSER, args=flags)
-        page = browser.new_page(viewport={"width": width, "height": 800})
-        errors = []
-        page.on("pageerror", lambda error: errors.append(str(error)))
-        page.goto((tmp_path / "view.html").as_uri())
-        page.wait_for_selector(".space[data-ready]")
-        page.wait_for_selector(".space[data-drawn='120000']")
-        assert page.evaluate("document.documentElement.scrollWidth <= innerWidth")
-        found = page.evaluate(
-            """() => {
-              const space = document.querySelector('.space').space;
-              space.turn = [0, 0]; space.frame(0);
-              const apart = [[-50, 0, 1000], [50, 0, 1000]].map((at) => space.onScreen(at));
-              space.spec.layers[0].shown = false;
-              for (const [x, y] of apart) space.click(x, y);
-              return document.querySelector('.measured').textContent;
-            }"""
-        )
-        assert float(found.split()[0]) == pytest.approx(100, abs=12)
-        page.fill(".truth input", "200")
-        assert "lengths" in page.text_content(".measured")
-        page.select_option(".unit", "m")
-        assert float(page.text_content(".measured").split()[0]) == pytest.approx(0.1, abs=0.012)
-        assert page.is_visible(".compare input")
-        page.select_option(".mode", "sigma")
-        page.wait_for_selector(".bar", state="visible")
-        cut = page.evaluate(
-            """() => {
-              const space = document.querySelector('.space').space, lit = () => {
-                const gl = space.gl, px = new Uint8Array(4 * gl.drawingBufferWidth * gl.drawingBufferHeight);
-                space.filled = 0; space.moving = false;
-                do space.frame(0); while (space.filled < space.total);
-                gl.readPixels(0, 0, gl.drawingBufferWidth, gl.drawingBufferHeight, gl.RGBA, gl.UNSIGNED_BYTE, px);
-                let count = 0;
-                for (let k = 0; k < px.length; k += 4) count += px[k] > 60 || px[k + 1] > 60;
-                return count;
-              };
-              space.spec.layers[0].shown = true;  // each is shown on its side of the slider
-              const whole = lit(); space.cut.low[0] = 0; return lit() / whole;
-            }"""
-        )
-        assert 0.35 < cut < 0.65
-        assert not errors
-        browser.close()
+    page = browser.new_page(viewport={"width": width, "height": 800})
+    errors = []
+    page.on("pageerror", lambda error: errors.append(str(error)))
+    page.goto((tmp_path / "view.html").as_uri())
+    page.wait_for_selector(".space[data-ready]")
+    page.wait_for_selector(".space[data-drawn='120000']")
+    assert page.evaluate("document.documentElement.scrollWidth <= innerWidth")
+    found = page.evaluate(
+        """() => {
+          const space = document.querySelector('.space').space;
+          space.turn = [0, 0]; space.frame(0);
+          const apart = [[-50, 0, 1000], [50, 0, 1000]].map((at) => space.onScreen(at));
+          space.spec.layers[0].shown = false;
+          for (const [x, y] of apart) space.click(x, y);
+          return document.querySelector('.measured').textContent;
+        }"""
+    )
+    assert float(found.split()[0]) == pytest.approx(100, abs=12)
+    page.fill(".truth input", "200")
+    assert "lengths" in page.text_content(".measured")
+    page.select_option(".unit", "m")
+    assert float(page.text_content(".measured").split()[0]) == pytest.approx(0.1, abs=0.012)
+    assert page.is_visible(".compare input")
+    page.select_option(".mode", "sigma")
+    page.wait_for_selector(".bar", state="visible")
+    cut = page.evaluate(
+        """() => {
+          const space = document.querySelector('.space').space, lit = () => {
+            const gl = space.gl, px = new Uint8Array(4 * gl.drawingBufferWidth * gl.drawingBufferHeight);
+            space.filled = 0; space.moving = false;
+            do space.frame(0); while (space.filled < space.total);
+            gl.readPixels(0, 0, gl.drawingBufferWidth, gl.drawingBufferHeight, gl.RGBA, gl.UNSIGNED_BYTE, px);
+            let count = 0;
+            for (let k = 0; k < px.length; k += 4) count += px[k] > 60 || px[k + 1] > 60;
+            return count;
+          };
+          space.spec.layers[0].shown = true;  // each is shown on its side of the slider
+          const whole = lit(); space.cut.low[0] = 0; return lit() / whole;
+        }"""
+    )
+    assert 0.35 < cut < 0.65
+    assert not errors
+    page.close()
 
 
-@pytest.mark.skipif(BROWSER is None, reason="chromium is not installed")
 @pytest.mark.parametrize("width", [1280, 390])
-def test_slow_frames_hold_fewer_points_and_a_view_at_rest_all(tmp_path, width):
-    from playwright.sync_api import sync_playwright
-
+def test_slow_frames_hold_fewer_points_and_a_view_at_rest_all(browser, tmp_path, width):
     write_view(tmp_path / "view.html", plane(150_000))
-    with sync_playwright() as play:
-        flags = ["--no-sandbox", "--use-angle=swiftshader", "--enable-unsafe-swiftshader", "--ignore-gpu-blocklist"]
-        browser = play.chromium.launch(executable_path=BROWSER, args=flags)
-        page = browser.new_page(viewport={"width": width, "height": 800})
-        page.goto((tmp_path / "view.html").as_uri())
-        page.wait_for_selector(".space[data-drawn='150000']")
-        slow, slower, fast = page.evaluate(
-            """() => [80, 800, 5].map((milliseconds) => {
-              const space = document.querySelector('.space').space;
-              for (let frame = 0; frame < (milliseconds < 20 ? 200 : 2); frame++) space.learn(milliseconds);
-              space.before = null; space.move(); space.frame();
-              return [space.drawn, space.root.querySelector('.thinned')?.textContent];
-            })"""
-        )
-        assert 5_000 <= slower[0] < slow[0] < 50_000
-        assert slower[1] == f"{slower[0]:,} of 150,000 points while it moves"
-        assert fast == [150_000, None]
-        page.evaluate(
-            "document.querySelector('.space').space.learn(800), document.querySelector('.space').space.move()"
-        )
-        page.wait_for_selector(".space[data-drawn='150000']")
-        page.wait_for_selector(".thinned", state="detached")
-        browser.close()
+    page = browser.new_page(viewport={"width": width, "height": 800})
+    page.goto((tmp_path / "view.html").as_uri())
+    page.wait_for_selector(".space[data-drawn='150000']")
+    slow, slower, fast = page.evaluate(
+        """() => [80, 800, 5].map((milliseconds) => {
+          const space = document.querySelector('.space').space;
+          for (let frame = 0; frame < (milliseconds < 20 ? 200 : 2); frame++) space.learn(milliseconds);
+          space.before = null; space.move(); space.frame();
+          return [space.drawn, space.root.querySelector('.thinned')?.textContent];
+        })"""
+    )
+    assert 5_000 <= slower[0] < slow[0] < 50_000
+    assert slower[1] == f"{slower[0]:,} of 150,000 points while it moves"
+    assert fast == [150_000, None]
+    page.evaluate("document.querySelector('.space').space.learn(800), document.querySelector('.space').space.move()")
+    page.wait_for_selector(".space[data-drawn='150000']")
+    page.wait_for_selector(".thinned", state="detached")
+    page.close()

@@ -5,7 +5,6 @@ from __future__ import annotations
 import json
 import os
 import re
-import shutil
 import signal
 import socket
 import subprocess
@@ -14,13 +13,12 @@ import time
 import tomllib
 import urllib.error
 import urllib.request
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from datetime import UTC, datetime, timedelta
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-import pytest
 
 import retrue
 from retrue.devices.drivers import make_rig
@@ -28,7 +26,6 @@ from retrue.devices.setup import parse_setup
 from retrue.geometry.transform import direction_angle, rotation_angle
 from tests.docs.pages import DOCS, ROOT, blocks
 
-pytestmark = pytest.mark.skipif(shutil.which("chromium") is None, reason="no chromium: make browser")
 CODE = "from retrue.cli.main import main; import sys; sys.exit(main())"
 PATIENCE = 60_000  # ms
 # NiceGUI behaves in another way where it takes itself to be tested by its own tools.
@@ -38,7 +35,6 @@ if "PYTHONPATH" in ENVIRONMENT:  # also where a server runs in another folder
         str(Path(path).absolute()) for path in ENVIRONMENT["PYTHONPATH"].split(os.pathsep)
     )
 SCREENS = (1280, 900), (390, 844)
-SOFTWARE_WEBGL = ["--use-gl=angle", "--use-angle=swiftshader", "--enable-unsafe-swiftshader"]
 
 
 def started(words: Sequence[str], folder: Path) -> subprocess.Popen[str]:
@@ -69,21 +65,10 @@ class Server:
         return self.process.returncode, out + err
 
 
-@pytest.fixture(scope="module")
-def browser() -> Iterator[Any]:
-    from playwright.sync_api import expect, sync_playwright
+def opened(browser: Any, address: str, complaints: list[str], **how: Any) -> Any:
+    from playwright.sync_api import expect
 
     expect.set_options(timeout=PATIENCE)
-
-    with sync_playwright() as playwright:
-        browser = playwright.chromium.launch(
-            executable_path=shutil.which("chromium"), args=[*SOFTWARE_WEBGL, "--no-sandbox"]
-        )
-        yield browser
-        browser.close()
-
-
-def opened(browser: Any, address: str, complaints: list[str], **how: Any) -> Any:
     page = browser.new_context(**how).new_page()
     page.set_default_timeout(PATIENCE)
     page.on("console", lambda message: complaints.append(message.text) if message.type == "error" else None)
