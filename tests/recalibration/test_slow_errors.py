@@ -39,7 +39,7 @@ def answer(seed: int, amplitude: float, noise: float = 0.1) -> Posterior:
 def normalised_errors(amplitude: float) -> tuple[float, float]:
     """Mean squares of the error in sigma, 5 where that is honest: as the residuals have it, and with what they hide."""
     alone, whole = list[float](), list[float]()
-    for seed in range(20):
+    for seed in range(12):
         found = answer(seed, amplitude)
         error = pose_difference(own_pose(RIG), found.pose)
         alone.append(float(error @ np.linalg.solve(found.covariance, error)))

@@ -85,7 +85,7 @@ def test_a_wall_is_answered_right_or_not_at_all_and_no_lens_is_blamed(scene: Sce
 
 def test_a_changed_lens_is_still_told() -> None:
     longer = replace(RIG, camera=replace(CAMERA, K=CAMERA.K * [[1.06, 1, 1], [1, 1.06, 1], [1, 1, 1]]))
-    for seed in range(6):
+    for seed in range(3):
         rng = np.random.default_rng(seed)
         room = Scene(planes=[WALL, SIDE_WALL, (np.array([0.0, 0.9, 0.6]), 0.95)])
         points = louder(capture(room, rig=longer, noise=0.0, seed=seed), rng.uniform(0, np.pi), 3.0, 0.2, rng)

@@ -54,9 +54,9 @@ def number_of(event: dict) -> int:
 
 def test_jump_drift_dark_and_broken_frames(folder):
     source = SimulatedSource(
-        100,
-        jumps={15: (1.0, -0.7, 0.4), 40: (0.0, 2.0, 0.0)},
-        drift=(55, 90, (0.3, 0.3, 0.0)),
+        70,
+        jumps={10: (1.0, -0.7, 0.4), 26: (0.0, 2.0, 0.0)},
+        drift=(38, 63, (0.3, 0.3, 0.0)),
         dark=7,
         broken=11,
     )
@@ -65,17 +65,17 @@ def test_jump_drift_dark_and_broken_frames(folder):
     watch.events.close()
     counts = watch.state.counts
     assert last["reason"] == "the source ended"
-    assert counts.frames == 100
-    assert counts.bad == sum(source.kind(n) == "broken" for n in range(100)) == len(events(folder, "bad frame"))
-    assert counts.good + counts.drifted + counts.unknown == len(events(folder, "frame")) == 100 - counts.bad
+    assert counts.frames == 70
+    assert counts.bad == sum(source.kind(n) == "broken" for n in range(70)) == len(events(folder, "bad frame"))
+    assert counts.good + counts.drifted + counts.unknown == len(events(folder, "frame")) == 70 - counts.bad
     history = events(folder, "recalibrated")
     assert len(history) == counts.recalibrated == len(read_history(folder / "rig.json")) - 1
     newest = [max(int(name.removeprefix("frame ")) for name in event["frames"]) for event in history]
     for jump in source.jumps:
         assert any(jump + 2 <= number <= jump + 4 for number in newest), newest
-    uncalled = [number for number in newest if number < 15 or 20 < number < 40 or 45 < number < 55]
+    uncalled = [number for number in newest if number < 10 or 15 < number < 26 or 31 < number < 38]
     assert uncalled == []
-    assert degrees_off(folder, source.rig_at(99)) < 0.15
+    assert degrees_off(folder, source.rig_at(69)) < 0.15
     assert events(folder)[0]["event"] == "started"
     assert events(folder)[-1] == last
 
