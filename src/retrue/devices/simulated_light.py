@@ -105,10 +105,14 @@ class Sensor:
         if np.isfinite(self._options.electrons):
             electrons, read_noise = np.float32(self._options.electrons), np.float32(self._options.read_noise)
             first = int(self._random.integers(NOISE_START))
-            noise = self._noise[first : first + seen.size].reshape(seen.shape)
-            spread = np.sqrt(np.clip(seen, 0, 1) / electrons + (read_noise / electrons) ** 2).astype(np.float32)
-            seen = np.asarray(seen + noise * spread, np.float32)
-        picture = self._table[(np.clip(seen, 0, 1) * (STEPS - 1) + np.float32(0.5)).astype(np.uint16)]
+            spread = np.clip(seen, 0, 1) / electrons  # in place from here on: frames are made by the thousand
+            np.sqrt(np.add(spread, (read_noise / electrons) ** 2, out=spread), out=spread)
+            spread *= self._noise[first : first + seen.size].reshape(seen.shape)
+            seen += spread
+        np.clip(seen, 0, 1, out=seen)
+        seen *= STEPS - 1
+        seen += np.float32(0.5)
+        picture = np.take(self._table, seen.astype(np.uint16))
         main = shown[max(within, key=lambda index: float(shares[index].sum()))].picture
         own = [shares[index] for index in within if np.array_equal(shown[index].picture, main)]
         return picture, main, float(np.max(1 - np.sum(own, axis=0)))
