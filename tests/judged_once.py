@@ -11,6 +11,7 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 from functools import lru_cache
 from hashlib import sha256
+from typing import Any
 
 import pytest
 
@@ -21,18 +22,23 @@ from retrue.recalibration.options import RecalibrateOptions
 
 @dataclass(frozen=True)
 class Asked:
-    """What the judge was asked; equal where the bytes of all are."""
+    """What somebody was asked; equal where the bytes of all are."""
 
     digest: bytes
-    question: tuple[Rig, list[Correspondences], RecalibrateOptions] = field(compare=False)
+    question: tuple[Any, ...] = field(compare=False)
+
+    @classmethod
+    def of(cls, *question: Any) -> Asked:
+        """With the bytes of its arrays."""
+        digest = sha256()
+        digest.update(pickle.dumps(question, 5, buffer_callback=lambda array: digest.update(array.raw())))
+        return cls(digest.digest(), question)
 
 
 @pytest.fixture(scope="module", autouse=True)
 def judged_once() -> Iterator[None]:
     def judged(rig: Rig, captures: Sequence[Correspondences], options: RecalibrateOptions) -> Judgement:
-        question, digest = (rig, list(captures), options), sha256()
-        digest.update(pickle.dumps(question, 5, buffer_callback=lambda array: digest.update(array.raw())))
-        return _judged(Asked(digest.digest(), question))
+        return _judged(Asked.of(rig, list(captures), options))
 
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr("retrue.recalibration.misread.judge", judged)

@@ -1,0 +1,5 @@
+"""Test after test begins with the same rig in the same scene."""
+
+from tests.lit_once import lit_once
+
+__all__ = ["lit_once"]
