@@ -111,7 +111,7 @@ def test_no_twin_is_accepted_for_the_truth() -> None:
         TwinCell("second plane", second_plane_deg=45.0),
         TwinCell("old direction of t", drift_deg=10.0),
     ]
-    table = twin(40, seed=5, cells=cells, workers=1).table
+    table = twin(24, seed=5, cells=cells, workers=1).table
     assert (numbers(table, "wrong") == 0).all()
     accepted = numbers(table, "accepted_%")
     assert (accepted[[0, 2]] > 85).all()
