@@ -83,7 +83,7 @@ def test_jump_drift_dark_and_broken_frames(folder):
 def test_a_rig_that_holds_is_left_alone(folder):
     before = (folder / "rig.json").read_bytes()
     watch = watching(folder)
-    watch.run(SimulatedSource(60), threading.Event())
+    watch.run(SimulatedSource(40), threading.Event())
     watch.events.close()
     assert (folder / "rig.json").read_bytes() == before
     assert watch.state.counts.recalibrated == watch.state.counts.refused == 0
