@@ -25,6 +25,13 @@ def bar():
     return seen([ball(*centre, 45) for centre in CENTRES], 4)[0]
 
 
+@pytest.fixture(scope="module")
+def near_bar(bar):
+    """Without most of the wall behind, for what is measured many times."""
+    x, y = bar.camera_px.T
+    return bar.select((abs(x - 320) < 150) & (abs(y - 240) < 60))
+
+
 def values(answer):
     return {(value.quantity, value.part): value for value in answer.positions[0].values}
 
@@ -53,13 +60,13 @@ def test_a_rig_with_a_longer_baseline_measures_all_as_much_longer(bar):
     assert found["size", "ball 1"].value == pytest.approx(0.45, rel=1e-4)
 
 
-def test_values_lie_within_their_uncertainty_in_nineteen_of_twenty(bar):
+def test_values_lie_within_their_uncertainty_in_nineteen_of_twenty(near_bar):
     random = np.random.default_rng(5)
     off = []
     for _ in range(25):
         rig = wrong_rig(random)
-        exact = accept([measured(rig, bar)], BAR)
-        answer = accept([measured(rig, noisy(bar, random))], BAR)
+        exact = accept([measured(rig, near_bar)], BAR)
+        answer = accept([measured(rig, noisy(near_bar, random))], BAR)
         for value, truth in zip(answer.positions[0].values, exact.positions[0].values, strict=True):
             if value.quantity != "form":  # which noise is a part of
                 off.append((value.value - truth.value) / value.expanded)
@@ -115,9 +122,9 @@ def test_a_cap_is_cut_where_noise_chooses_no_points():
     assert by_rays < -8
 
 
-def test_form_is_repeated_within_its_uncertainty(bar):
+def test_form_is_repeated_within_its_uncertainty(near_bar):
     random = np.random.default_rng(2)
-    answers = [accept([measured(RIG, noisy(bar, random))], BAR) for _ in range(25)]
+    answers = [accept([measured(RIG, noisy(near_bar, random))], BAR) for _ in range(25)]
     forms = np.array([values(answer)["form", "ball 1"].value for answer in answers])
     stated = np.mean([values(answer)["form", "ball 1"].expanded for answer in answers]) / 2
     assert 0.6 < forms.std(ddof=1) / stated < 1.5
