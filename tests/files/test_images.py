@@ -12,9 +12,8 @@ import PIL.Image
 import pytest
 
 from retrue.errors import CaptureError, FileError, InputError
-from retrue.files.image_header import jpeg_scans
 from retrue.files.images import read_folder, read_image, write_png
-from retrue.files.jpeg_scan import pixels_are_whole
+from retrue.files.jpeg import whole_scans
 
 RAMP = np.add.outer(np.arange(20), 3 * np.arange(30)).astype(np.uint8)
 COLOR = np.stack([RAMP, RAMP // 2, 255 - RAMP], axis=-1)
@@ -130,8 +129,8 @@ def test_what_is_written_over_a_jpeg_may_look_like_one_of_its_parts(flags):
     content = cv2.imencode(".jpg", rng.integers(0, 256, (300, 400), dtype=np.uint8), flags)[1].tobytes()
     places = rng.integers(len(content) // 4, len(content) - 5000, 40).tolist()
     damaged = [content[:place] + rng.bytes(4096) + content[place + 4096 :] for place in places]
-    assert jpeg_scans(content, 500) > 0
-    assert sum(jpeg_scans(one, 500) == 0 for one in damaged) >= 39  # one in some 250 has an end of its own
+    assert whole_scans(content, 500) > 0
+    assert sum(whole_scans(one, 500) == 0 for one in damaged) >= 39  # one in some 250 has an end of its own
 
 
 @pytest.mark.parametrize("flags", [[], [cv2.IMWRITE_JPEG_OPTIMIZE, 1], [cv2.IMWRITE_JPEG_RST_INTERVAL, 5]])
@@ -154,9 +153,9 @@ def test_bytes_that_a_jpeg_lost_or_that_were_emptied_are_missed(tmp_path, capfd,
 
 def test_a_few_bytes_behind_a_jpegs_pixels_are_no_damage():
     content = cv2.imencode(".jpg", RAMP)[1].tobytes()
-    assert pixels_are_whole(content)
-    assert pixels_are_whole(content[:-2] + bytes(8) + content[-2:])
-    assert not pixels_are_whole(content[:-2] + bytes(100) + content[-2:])
+    assert whole_scans(content, 500) == 1
+    assert whole_scans(content[:-2] + bytes(8) + content[-2:], 500) == 1
+    assert whole_scans(content[:-2] + bytes(100) + content[-2:], 500) == 0
 
 
 def test_any_size_any_sampling_any_quality_of_a_jpeg_is_whole():
@@ -169,7 +168,7 @@ def test_any_size_any_sampling_any_quality_of_a_jpeg_is_whole():
         sampling = [cv2.IMWRITE_JPEG_SAMPLING_FACTOR, samplings[rng.integers(5)]]
         quality = [cv2.IMWRITE_JPEG_QUALITY, int(rng.integers(1, 101))]
         for shown in (picture, picture[..., 0]):
-            assert pixels_are_whole(cv2.imencode(".jpg", shown, [*sampling, *quality])[1].tobytes())
+            assert whole_scans(cv2.imencode(".jpg", shown, [*sampling, *quality])[1].tobytes(), 500) == 1
 
 
 def test_a_jpeg_of_too_many_scans_is_refused(tmp_path):

@@ -4,7 +4,8 @@ import cv2
 import numpy as np
 import pytest
 
-from retrue.files import jpeg_scan
+from retrue import kernels
+from retrue.files.jpeg import whole_scans
 from retrue.kernels import huffman
 from tests.kernels.plain import plain
 
@@ -17,14 +18,14 @@ def test_codes_lead_as_far_compiled_as_plain(monkeypatch: pytest.MonkeyPatch, in
     uncompiled, found = plain("huffman"), []
 
     def both(*arguments: object) -> int:
-        left = huffman.bytes_left(*arguments)
-        assert uncompiled.bytes_left(memoryview(arguments[0]), *arguments[1:]) == left
-        found.append(left)
-        return left
+        end = huffman.codes_end(*arguments)
+        assert uncompiled.codes_end(memoryview(arguments[0]), *arguments[1:]) == end
+        found.append(end)
+        return end
 
-    monkeypatch.setattr(jpeg_scan, "huffman", type("Both", (), {"bytes_left": staticmethod(both)}))
-    assert jpeg_scan.pixels_are_whole(content)
+    monkeypatch.setattr(kernels, "huffman", type("Both", (), {"codes_end": staticmethod(both)}))
+    assert whole_scans(content, 500) == 1
     for place in rng.integers(len(content) // 2, len(content) - 20, 10).tolist():
-        jpeg_scan.pixels_are_whole(content[:place] + content[place + 9 :])
-    assert found[0] == 0
+        whole_scans(content[:place] + content[place + 9 :], 500)
+    assert found[0] == len(content) - 2
     assert -1 in found

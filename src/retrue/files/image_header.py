@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 import struct
 import zlib
 from dataclasses import dataclass
@@ -10,14 +9,12 @@ from pathlib import Path
 from typing import BinaryIO
 
 from retrue.errors import FileError
+from retrue.files.jpeg import frame
+from retrue.files.tiff_directory import COLORS, HEIGHT, PALETTE, SAMPLES, WIDTH, directory
 
 PNG = b"\x89PNG\r\n\x1a\n"
 JPEG = b"\xff\xd8"
 TIFF = (b"II*\0", b"MM\0*")
-MARKER = re.compile(rb"\xff[\x01-\xcf\xd8-\xfe]")  # among a JPEG's pixels: no stuffed zero, no restart, no fill byte
-SCAN, END = 0xDA, 0xD9
-SEGMENTS = frozenset({*range(0xC0, 0xD0), *range(0xDA, 0xF0), 0xFE})  # tables, frames, scans, what tools add
-MOST_MARKERS = 10_000  # of a JPEG, before its picture; fill bytes count too
 
 
 @dataclass(frozen=True, slots=True)
@@ -36,11 +33,11 @@ def read_image_header(path: Path) -> ImageHeader:
             if start.startswith(PNG):
                 return _png(start)
             if start.startswith(JPEG):
-                return _jpeg(stream)
+                return ImageHeader(*frame(stream))
             if start.startswith(b"BM"):
                 return _bmp(start)
             if start.startswith(TIFF):
-                return _tiff(stream, "<" if start[:1] == b"I" else ">")
+                return _tiff(stream)
     except OSError as error:
         raise FileError(path, f"cannot be read: {error.strerror or error}") from error
     except (struct.error, ValueError, KeyError, IndexError) as error:
@@ -67,35 +64,6 @@ def png_is_whole(content: bytes) -> bool:
     return False
 
 
-def jpeg_scans(content: bytes, most: int) -> int:
-    """How many scans a JPEG has, counted until they are more than `most`; 0 where its markers do not lead to its end.
-
-    A JPEG has no checksums. But what was written over its pixels holds a marker after some 250 bytes, of a kind that
-    none may have there, or of a part that no other follows; libjpeg tells the terminal of it, and reads on.
-
-    >>> scan = b"\\xff\\xda\\0\\x08\\1" + bytes(5)
-    >>> jpeg_scans(b"\\xff\\xd8" + scan + b"pixels\\xff\\0" + b"\\xff\\xd9", 9)
-    1
-    >>> jpeg_scans(b"\\xff\\xd8" + scan + b"pixels\\xff\\3" + b"\\xff\\xd9", 9)
-    0
-    """
-    place, scans = 2, 0
-    while scans <= most and (found := MARKER.search(content, place)):
-        marker, start = content[found.end() - 1], found.end()
-        if marker == END:
-            return scans
-        length = int.from_bytes(content[start : start + 2], "big")
-        place = start + length
-        if marker == SCAN:
-            scans += 1
-            follows = length == 6 + 2 * int.from_bytes(content[start + 2 : start + 3])  # two bytes for each colour
-        else:  # before the pixels, tools that add something are believed
-            follows = marker in SEGMENTS and not (scans and content[place : place + 1] != b"\xff")
-        if not follows:
-            return 0
-    return scans if scans > most else 0
-
-
 def _sum(chunk: memoryview) -> bytes:
     return zlib.crc32(chunk).to_bytes(4, "big")
 
@@ -110,32 +78,6 @@ def _bmp(start: bytes) -> ImageHeader:
     return ImageHeader((width, abs(height)), 1 if bits < 8 else 3)
 
 
-def _jpeg(stream: BinaryIO) -> ImageHeader:
-    stream.seek(2)
-    for _ in range(MOST_MARKERS):
-        marker = stream.read(2)
-        if len(marker) < 2 or marker[0] != 0xFF:
-            raise ValueError("no marker")
-        if marker[1] == 0xFF:  # a fill byte
-            stream.seek(-1, 1)
-            continue
-        (length,) = struct.unpack(">H", stream.read(2))
-        is_frame = 0xC0 <= marker[1] <= 0xCF and marker[1] not in (0xC4, 0xC8, 0xCC)
-        if is_frame:
-            _, height, width, channels = struct.unpack(">BHHB", stream.read(6))
-            return ImageHeader((width, height), channels)
-        stream.seek(length - 2, 1)
-    raise ValueError("no frame")
-
-
-def _tiff(stream: BinaryIO, order: str) -> ImageHeader:
-    stream.seek(4)
-    stream.seek(struct.unpack(order + "I", stream.read(4))[0])
-    (count,) = struct.unpack(order + "H", stream.read(2))
-    tags: dict[int, int] = {277: 1}
-    for _ in range(count):
-        tag, kind, _, value = struct.unpack(order + "HHI4s", stream.read(12))
-        if kind in (3, 4):  # SHORT, LONG
-            tags[tag] = struct.unpack_from(order + ("H" if kind == 3 else "I"), value)[0]
-    palette = tags.get(262) == 3
-    return ImageHeader((tags[256], tags[257]), 3 if palette else tags[277])
+def _tiff(stream: BinaryIO) -> ImageHeader:
+    first = directory(stream)[2]
+    return ImageHeader((first[WIDTH], first[HEIGHT]), 3 if first[COLORS] == PALETTE else first[SAMPLES])

@@ -11,7 +11,8 @@ from typing import TYPE_CHECKING, cast
 
 from retrue.errors import CaptureError, FileError, InputError, require_kind, require_kinds, require_path
 from retrue.files.atomic import read_bytes, replaced_file
-from retrue.files.image_header import JPEG, PNG, TIFF, ImageHeader, jpeg_scans, png_is_whole, read_image_header
+from retrue.files.image_header import JPEG, PNG, TIFF, ImageHeader, png_is_whole, read_image_header
+from retrue.files.jpeg import whole_scans
 from retrue.files.tiff_directory import of_pixels_alone
 
 if TYPE_CHECKING:
@@ -145,11 +146,9 @@ def _decoded(path: Path, header: ImageHeader, grey: bool) -> Image:
     content = read_bytes(path, BYTES_A_PIXEL * header.size[0] * header.size[1] + METADATA_BYTES)
     too_short = header.size[0] * header.size[1] > MOST_PIXELS_A_BYTE * len(content)
     if content.startswith(JPEG):
-        from retrue.files.jpeg_scan import pixels_are_whole
-
-        if (scans := jpeg_scans(content, MOST_SCANS)) > MOST_SCANS:
+        if (scans := whole_scans(content, MOST_SCANS)) > MOST_SCANS:
             raise FileError(path, f"expected a JPEG of at most {MOST_SCANS} scans, found more")
-        whole = scans > 0 and pixels_are_whole(content)
+        whole = scans > 0
     else:
         whole = not content.startswith(PNG) or png_is_whole(content)
     if too_short or not whole:
