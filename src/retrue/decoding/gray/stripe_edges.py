@@ -56,6 +56,7 @@ ALIGNED = 32
 """Cells, at multiples of which runs begin: sums round as those of whole rows do."""
 MOMENTS = ("", "x", "xx", "y", "yy", "xy", "v", "xv", "yv")
 """Of the weights, and of what they are multiplied by."""
+OF_WEIGHTS = MOMENTS[:6]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -171,11 +172,10 @@ class PlaneFitter:
         """Second: the planes of a band, and by how much its edges miss them."""
         here = self._cells(rows)
         for around, inner, columns in self._windows(here):
-            own: dict[str, FloatImage] = dict(zip(MOMENTS, self._sums[around], strict=True))
-            squared = {name: own[name] for name in MOMENTS if "v" not in name}
+            own = self._sums[around]
             sums, squares = (
-                np.stack([image[inner] for image in _windowed(moments, kernels, self._along).values()])
-                for moments, kernels in ((own, self._window), (squared, self._window_squared))
+                np.ascontiguousarray(_windowed(own[: len(names)], names, kernels, self._along)[:, *inner])
+                for names, kernels in ((MOMENTS, self._window), (OF_WEIGHTS, self._window_squared))
             )
             planes, shape, loose = (np.empty((n, *sums.shape[1:]), np.float32) for n in (3, 5, 2))
             planes_kernel.solve(sums, squares, (self._cell**2 - 1) / 12, planes, shape, loose)
@@ -188,11 +188,11 @@ class PlaneFitter:
         """Third: how well the planes of a band fit."""
         here, window = self._cells(rows), self._window[0]
         for around, inner, columns in self._windows(here):
-            missed = [_filtered(_filtered(own, window, 0), window, 1)[inner] for own in self._misses[around]]
-            variance = np.empty(missed[0].shape, np.float32)
+            missed = _filtered(_filtered(self._misses[around], window, 0), window, 1)[:, *inner]
+            variance = np.empty(missed.shape[1:], np.float32)
             even, sure, whole = (np.empty(variance.shape, np.uint8) for _ in range(3))
             planes_kernel.judge(
-                np.stack(missed),
+                np.ascontiguousarray(missed),
                 np.ascontiguousarray(self._loose[:, here, columns]),
                 ((EDGE_SIGMA / self._cell) ** 2, 1 / self._cell**2),
                 (self._largest_residual**2, LARGEST_SIGMA**2),
@@ -253,20 +253,20 @@ def _filled(cells: NDArray[np.uint8], axis: int) -> slice:
     return slice(max(int(filled[0]) - MARGIN, 0), int(filled[-1]) + MARGIN + 1) if len(filled) else slice(0, 1)
 
 
-def _windowed(own: dict[str, FloatImage], kernels: Sequence[FloatImage], along: int) -> dict[str, FloatImage]:
-    """Sums over the window from sums over single cells: a moment about another centre takes the lower ones along."""
+def _windowed(own: FloatImage, names: Sequence[str], kernels: Sequence[FloatImage], along: int) -> FloatImage:
+    """Sums over the window from sums over single cells, by moment: about another centre they take lower ones along,
+    the sum of (letter + offset)^power and whatever else the moment is of."""
     for letter, axis in (("x", along), ("y", 1 - along)):
-        own = {name: _moved(own, name, letter, kernels, axis) for name in own}
+        total = _filtered(own, kernels[0], axis)
+        for taken in (1, 2):
+            higher = [k for k, name in enumerate(names) if name.count(letter) >= taken]
+            lower = _filtered(
+                own[[names.index(names[k].replace(letter, "", taken)) for k in higher]], kernels[taken], axis
+            )
+            for k, added in zip(higher, lower, strict=True):
+                total[k] += added if names[k].count(letter) == taken else 2 * added
+        own = total
     return own
-
-
-def _moved(own: dict[str, FloatImage], name: str, letter: str, kernels: Sequence[FloatImage], axis: int) -> FloatImage:
-    """Sum over the window along one axis of (letter + offset)^power, and whatever else the moment is of."""
-    power, total = name.count(letter), _filtered(own[name], kernels[0], axis)
-    for taken in range(1, power + 1):
-        lower = _filtered(own[name.replace(letter, "", taken)], kernels[taken], axis)
-        total += lower if taken == power else 2 * lower
-    return total
 
 
 def _kernels(cell: int, spread: float) -> Sequence[FloatImage]:
@@ -275,7 +275,13 @@ def _kernels(cell: int, spread: float) -> Sequence[FloatImage]:
     return [(np.exp(-0.5 * (offset / spread) ** 2) * (cell * offset) ** power).astype(np.float32) for power in range(3)]
 
 
-def _filtered(image: FloatImage, kernel: FloatImage, axis: int) -> FloatImage:
-    """Correlation along one array axis; beyond the border there is nothing."""
+def _filtered(images: FloatImage, kernel: FloatImage, axis: int) -> FloatImage:
+    """Correlation of (N, rows, columns) along rows or columns, all in one picture; beyond borders there is nothing."""
+    count, rows, columns = images.shape
+    if axis == 0:
+        apart = np.zeros((count, rows + WINDOW_RADIUS, columns), np.float32)
+        apart[:, :rows] = images
+        images = apart
     kernel_2d = kernel[None, :] if axis == 1 else kernel[:, None]
-    return cast(FloatImage, cv2.filter2D(image, cv2.CV_32F, kernel_2d, borderType=cv2.BORDER_CONSTANT))
+    found = cv2.filter2D(images.reshape(-1, columns), cv2.CV_32F, kernel_2d, borderType=cv2.BORDER_CONSTANT)
+    return cast(FloatImage, found.reshape(images.shape)[:, :rows])
