@@ -326,6 +326,19 @@ def test_noise_of_bits_without_inverses_white_and_black_is_measured():
     assert np.mean(np.abs(off) > 2) < 0.02
 
 
+def test_noise_that_is_the_same_in_the_dark_hides_no_bits_without_inverses():
+    """A camera's own noise, of which black has as much as white: over its brightness it is a large gain."""
+    frames = [
+        Frame("white"),
+        Frame("black"),
+        *both(lambda axis, _: gray_frames(axis, range(3, 9)[::-1], inverses=False)),
+    ]
+    shot = shot_of(frames, albedo=0.5, noise=6.0)
+    points = decode(shot.pattern, shot.pictures)
+    assert len(points) > 0.9 * CAMERA[0] * CAMERA[1]
+    assert np.mean(np.abs(errors(shot, points)) > 2) < 0.001
+
+
 @pytest.mark.parametrize("layout", ["3dunderworld", "procam-calibration"])
 @pytest.mark.parametrize("pair", [0, 4, 6, 9])
 def test_a_pair_that_is_missing_is_not_taken_for_white_and_black(pictures, layout, pair):

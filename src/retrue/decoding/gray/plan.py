@@ -172,18 +172,19 @@ def _noise_gain(strips: GraySequence) -> float:
     Where that leaves hardly any pixel lit it is no noise: the camera's curve makes two halves of blurred stripes more
     than their sum, and coarser bits are asked.
 
-    Without inverses: what the coarsest patterns differ from white, or from black, as strayed light has its part in it;
-    but no less than the scatter of all, since white and black may be made of them. What stands for the difference of
-    pattern and inverse, 2 pattern - white - black, has three times the variance of a true one.
+    Without inverses: what the coarsest patterns differ from white, and what from black, as strayed light has its part
+    in it; but no less than the scatter of all, since white and black may be made of them. What stands for the
+    difference of pattern and inverse, 2 pattern - white - black, has three times the variance of a true one.
     """
     axis = int(np.argmax([len(patterns) for patterns in strips.patterns]))
     white, black = strips.white.astype(np.float32), strips.black.astype(np.float32)
     lit = white - black > LIT * float((white - black).max())
     if not strips.paired:
         pattern = strips.patterns[axis][0].astype(np.float32)
-        nearest = np.where(np.abs(white - pattern) < np.abs(pattern - black), white, black)
-        gains = np.square(pattern - nearest)[lit] / np.maximum(nearest, 1)[lit]
-        apart = float(np.median(gains)) / (2 * CHI_SQUARE_MEDIAN) if len(gains) else 0.0
+        bright = np.abs(white - pattern) < np.abs(pattern - black)
+        gains = np.square(pattern - np.where(bright, white, black)) / np.maximum(white + black, 1)
+        halves = [own for mask in (lit & bright, lit & ~bright) if len(own := gains[mask])]
+        apart = float(sum(np.median(own) for own in halves)) / (2 * CHI_SQUARE_MEDIAN)
         coarse = [pattern for patterns in strips.patterns for pattern in patterns[: max(len(patterns) - 2, 1)]]
         return 3 * max(apart, _scatter(np.stack(coarse).astype(np.float32), (white + black) / np.float32(2), lit))
     pairs = list(zip(strips.patterns[axis], strips.inverses[axis], strict=True))
