@@ -13,6 +13,7 @@ from retrue.errors import CaptureError
 from retrue.files.captures import read_capture
 from retrue.files.patterns import read_pattern
 from retrue.patterns.gray_code import GrayCode
+from retrue.patterns.layouts import layout_sequence
 
 FAULTS = Path(__file__).parents[3] / "shared" / "data" / "faults"
 PATTERN = GrayCode((128, 96))
@@ -69,6 +70,25 @@ def test_black_frame(pictures):
 
 def test_all_frames_black(pictures):
     assert "nothing is lit" in problem([pictures[-1]] * len(pictures))
+
+
+def test_a_picture_of_stripes_in_the_place_of_black_is_named(pictures):
+    """One is missing, another came twice: it was read without a black, or white and black were said to be swapped."""
+    said = f"{{}} shows the same as {NAMES[5]}, where white or black is expected"
+    assert said.format(NAMES[-1]) in problem([*pictures[:-1], pictures[5]])
+    lights_first = [pictures[-2], pictures[3], *pictures[:-2]]
+    pattern = layout_sequence("3dunderworld", PATTERN.projector_size)
+    assert said.format(NAMES[1]) in problem(lights_first, NAMES, pattern)
+
+
+@pytest.mark.parametrize("first", [False, True])
+def test_stripes_in_the_place_of_white_are_left_out(pictures, plain_shot, first):
+    """Pictures that are read without it were said to be late, white and black at the other end."""
+    pattern = layout_sequence("3dunderworld" if first else "opencv", PATTERN.projector_size)
+    lights, bits = [pictures[5], pictures[-1]], pictures[:-2]
+    points = decode(pattern, [*lights, *bits] if first else [*bits, *lights], names=NAMES)
+    assert np.abs(points.projector_px - plain_shot.truth(points.camera_px)).max() < 1
+    assert points.card.details["read_all_the_same"] == ["white or black is missing, and another picture in its place"]
 
 
 def test_swapped_white_and_black(plain_shot, pictures):

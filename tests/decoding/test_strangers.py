@@ -11,7 +11,7 @@ from retrue.errors import CaptureError
 from retrue.patterns.gray_code import GrayCode
 from retrue.patterns.layouts import gray_frames, sine_frames
 from retrue.patterns.sequence import Frame
-from tests.decoding.test_sequences import CAMERA, SIZE, both, errors, shot_of
+from tests.decoding.test_sequences import CAMERA, SIZE, both, errors, oblique, shot_of
 
 LIGHTS = [Frame("white"), Frame("black")]
 
@@ -35,6 +35,16 @@ def test_a_picture_on_its_head_is_named(turned, inverses):
     pictures = [own[::-1, ::-1] if k == turned else own for k, own in enumerate(shot.pictures)]
     names = [f"b{k:02d}.png" for k in range(len(pictures))]
     with pytest.raises(CaptureError, match=rf"b{turned:02d}\.png stands on its head"):
+        decode(shot.pattern, pictures, names=names)
+
+
+def test_a_picture_that_is_bright_wherever_light_falls_may_stand_on_its_head():
+    """Only where the light ends does it differ from what it should show."""
+    frames = both(lambda axis, side: gray_frames(axis, range(10)[::-1], inverses=True))  # of 512 columns: bit 9 is dark
+    shot = shot_of(frames, mapping=lambda x, y: oblique(x - 40.0, y - 20.0))
+    pictures = [own[::-1, ::-1] if k == 1 else own for k, own in enumerate(shot.pictures)]
+    names = [f"b{k:02d}.png" for k in range(len(pictures))]
+    with pytest.raises(CaptureError, match=r"b01\.png stands on its head"):
         decode(shot.pattern, pictures, names=names)
 
 

@@ -35,6 +35,8 @@ ALIKE = 0.1
 CONFLICT = 0.7
 """|pattern + inverse - 1| of a pixel where both are bright or both are dark; blurred stripes stay below it."""
 MOST_CONFLICTS = 0.15
+STRIPED = 0.5
+"""Where stripes are bright; black is below it, whatever strays into it."""
 LEAST_TRANSITIONS = 16
 FOLDS = "the {} code runs up and down again, as where the pictures of a bit are missing or wrong"
 MISPLACED = (
@@ -65,14 +67,33 @@ def require_light(grey: Sequence[Image]) -> None:
         )
 
 
-def require_complements(grey: Sequence[Image], names: Sequence[str], pairs: Sequence[int]) -> None:
-    """Raise where pattern and inverse do not complement each other, and say which picture is to blame."""
+def require_complements(
+    grey: Sequence[Image], names: Sequence[str], pairs: Sequence[int], lights: Sequence[int] = ()
+) -> None:
+    """Raise where pattern and inverse do not complement each other, and say which picture is to blame; or where one of
+    `lights`, which are to be white and black, shows stripes."""
     scaled = _scaled(grey)
     bad = [index for index in pairs if not _complement(scaled[index], scaled[index + 1])]
-    if not bad:
-        return
-    more = f"; {len(bad)} of {len(pairs)} pairs do not fit" if len(bad) > 1 else ""
-    raise CaptureError(CAPTURE, f"{_blame(scaled, names, bad[0])}{more}: take the capture again")
+    if bad:
+        more = f"; {len(bad)} of {len(pairs)} pairs do not fit" if len(bad) > 1 else ""
+        raise CaptureError(CAPTURE, f"{_blame(scaled, names, bad[0])}{more}: take the capture again")
+    for index in lights:
+        if shows_stripes(scaled[index]):
+            same = [names[k] for k, other in enumerate(scaled) if k != index and _alike(scaled[index], other)]
+            what = f"shows the same as {same[0]}" if same else "shows stripes"
+            raise CaptureError(CAPTURE, f"{names[index]} {what}, where white or black is expected: is one missing?")
+
+
+def are_complements(grey: Sequence[Image], pairs: Sequence[int]) -> bool:
+    """Whether all patterns and inverses complement each other."""
+    scaled = _scaled(grey)
+    return all(_complement(scaled[index], scaled[index + 1]) for index in pairs)
+
+
+def shows_stripes(scaled: FloatArray) -> bool:
+    """Whether a picture, (pixels,) from the darkest to the brightest that each has seen, is neither white nor black."""
+    bright = float(np.percentile(scaled, 95))
+    return bright > STRIPED and float(np.mean(scaled < bright / 2)) > MOST_CONFLICTS
 
 
 def ends_with_white_and_black(grey: Sequence[Image]) -> bool:

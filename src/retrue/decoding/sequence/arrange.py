@@ -13,6 +13,7 @@ import numpy as np
 
 from retrue.decoding.gray.faults import (
     CAPTURE,
+    are_complements,
     ends_with_white_and_black,
     explain_count,
     missing_numbers,
@@ -115,6 +116,11 @@ def pair_starts(frames: Sequence[Frame]) -> list[int]:
     ]
 
 
+def lights_of(frames: Sequence[Frame]) -> list[int]:
+    """Where white and black are."""
+    return [index for index, frame in enumerate(frames) if frame.code in ("white", "black")]
+
+
 def taken_without_lights(pattern: GrayCode | FrameSequence, count: int) -> str:
     """That so many pictures are taken for those of the pattern without its white and black; nothing where not so.
 
@@ -140,8 +146,11 @@ def _arrange_gray_code(pattern: GrayCode, images: Sequence[Image], names: Sequen
     require_light(grey)
     if len(grey) == 2 * pair_count and ends_with_white_and_black(grey):
         raise CaptureError(CAPTURE, explain_count(pattern, grey, names))
-    first = _first_pair(grey, names) if len(grey) == pattern.picture_count else 0
-    require_complements(grey, names, range(first, first + 2 * pair_count, 2))
+    first = 0
+    if len(grey) == pattern.picture_count:
+        first = _first_pair(grey, names)
+    else:
+        require_complements(grey, names, range(0, len(grey), 2))
     spec = sequence_of(pattern)
     pairs, ends = spec.frames[:-2], spec.frames[-2:]
     frames = pairs if len(grey) == 2 * pair_count else (*ends, *pairs) if first else spec.frames
@@ -217,15 +226,23 @@ def _order(files: Sequence[str], names: Sequence[str]) -> list[int]:
 
 
 def _first_pair(grey: Sequence[Image], names: Sequence[str]) -> int:
-    """Where the pairs start: 2 when white and black come first, else 0."""
-    steps = [float(a[::4, ::4].mean()) - float(b[::4, ::4].mean()) for a, b in (grey[:2], grey[-2:])]
-    comes_first = abs(steps[0]) > 1.1 * abs(steps[1])
-    if not steps[0 if comes_first else 1] > 0:
-        white, black = (names[0], names[1]) if comes_first else (names[-2], names[-1])
+    """Where the pairs start: 2 when white and black, which differ most, come first, else 0."""
+    count = len(grey) - 2
+    steps = {k: float(grey[k][::4, ::4].mean()) - float(grey[k + 1][::4, ::4].mean()) for k in (0, count)}
+    pairs, lights = {0: range(0, count, 2), 2: range(2, count + 2, 2)}, {0: (count, count + 1), 2: (0, 1)}
+    first = 2 if abs(steps[0]) > 1.1 * abs(steps[count]) else 0
+    try:
+        require_complements(grey, names, pairs[first], lights[first])
+    except CaptureError:
+        if are_complements(grey, pairs[2 - first]):
+            require_complements(grey, names, pairs[2 - first], lights[2 - first])
+        raise
+    if not steps[lights[first][0]] > 0:
+        white, black = (names[k] for k in lights[first])
         raise CaptureError(
             CAPTURE, f"white and black are swapped: {white} is darker than {black}; expected white, then black"
         )
-    return 2 if comes_first else 0
+    return first
 
 
 def _require_alike(images: Sequence[Image], names: Sequence[str]) -> None:

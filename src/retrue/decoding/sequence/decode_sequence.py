@@ -19,6 +19,7 @@ from retrue.decoding.sequence.arrange import (
     ArrangedSequence,
     arrange,
     frames_of,
+    lights_of,
     pair_starts,
     require_all_numbers,
     scene_lights,
@@ -108,8 +109,8 @@ def _decode_or_diagnose(
         sequence = arrange(pattern, images, names)
         if (fault := find_sine_fault(sequence.spec, sequence.pictures, sequence.names)) is not None:
             return _read_all_the_same(sequence, fault)
-        if pairs := pair_starts(sequence.spec.frames):
-            require_complements(sequence.pictures, sequence.names, pairs)
+        if isinstance(pattern, FrameSequence) and (pairs := pair_starts(sequence.spec.frames)):
+            require_complements(sequence.pictures, sequence.names, pairs, lights_of(sequence.spec.frames))
         require_white_or_black(sequence.spec.frames, sequence.pictures)
         points = decode_arranged(sequence)
     except CaptureError as error:
@@ -178,8 +179,7 @@ def _read_all_the_same(sequence: ArrangedSequence, fault: SineFault) -> tuple[Co
     white, black, _ = scene_lights(fault.spec, pictures, pictures)
     sequence = replace(sequence, spec=fault.spec, pictures=pictures, white=white, black=black)
     points = decode_arranged(sequence)
-    if ON_ITS_HEAD in fault.causes:
-        points = _without_ends(points)
+    points = _without_ends(points) if ON_ITS_HEAD in fault.causes else points
     return _told(points, fault.causes, fault.figures), sequence
 
 

@@ -16,6 +16,7 @@ from retrue.decoding.sequence.hypotheses import (
     Hypothesis,
     Judgement,
     Sample,
+    doubled_light,
     hypotheses,
     judge,
     repeated_pictures,
@@ -134,7 +135,10 @@ def require_like_pictures(
         sample = take_sample(pictures, np.random.default_rng(0))
         if sample is None:
             return 0.0
-        worst = max((sample.unlike(k, k + 1) for k in pair_starts(frames)), default=0.0)
+        totals: list[FloatArray] = [
+            (sample.here[k] + sample.here[k + 1]) / sample.contrast for k in pair_starts(frames)
+        ]
+        worst = max((float(np.mean(np.abs(total - np.median(total)))) for total in totals), default=0.0)
         own = judge(sample, frames, projector_size)  # codes beyond the projector say something of its size
         return own.continuous * (own.one_way > FOLDED) - worst
 
@@ -271,7 +275,8 @@ def _order(
     better: where none leaves nothing to ask they are judged again without that share, and without their gains, as told
     by that order and by none. The view counts by which some order fits best.
     """
-    asked, judged, fits = list(hypotheses(frames)), list[tuple[Hypothesis, Judgement]](), -1.0
+    asked = list(hypotheses(frames, doubled=doubled_light(sample, frames)))
+    judged, fits = list[tuple[Hypothesis, Judgement]](), -1.0
     as_they_are: list[float] = []
     for view, alike in _views(sample, frames):
         seen = [(own, judge(view, own.frames, projector_size)) for own in asked]

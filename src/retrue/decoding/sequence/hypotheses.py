@@ -14,7 +14,7 @@ from itertools import product
 
 import numpy as np
 
-from retrue.decoding.gray.faults import FOLDED
+from retrue.decoding.gray.faults import FOLDED, shows_stripes
 from retrue.geometry.arrays import BoolArray, FloatArray, Image, IntArray
 from retrue.patterns.sequence import AXES, Frame
 
@@ -128,10 +128,13 @@ class Judgement:
         return runs - self.unlike - LIGHTS_COUNT * self.dark
 
 
-def hypotheses(frames: Sequence[Frame]) -> Iterator[Hypothesis]:
-    """As expected first, then every order that people end up with, alone and together."""
-    either = (False, True)
-    orders = product(either, either, either, either, ("", "exchanged", "moved"), range(LATEST + 1))
+def hypotheses(frames: Sequence[Frame], *, doubled: bool = False) -> Iterator[Hypothesis]:
+    """As expected first, then every order that people end up with, alone and together.
+
+    `doubled`: what stands in the place of white or black shows the same as another picture, and may be left out.
+    """
+    either, lights_are = (False, True), ("", "exchanged", "moved", *(("lost",) if doubled else ()))
+    orders = product(either, either, either, either, lights_are, range(LATEST + 1))
     relabelled = cache(partial(_relabelled, frames))
     seen: set[tuple[Frame, ...]] = set()
     for *moved, lights, late in sorted(orders, key=_surprise):
@@ -168,6 +171,9 @@ def _relabelled(
     elif lights == "moved":
         made = _moved_lights(made)
         causes.append("white and black are at the other end")
+    elif lights == "lost":
+        made = [IGNORE if f.code in ("white", "black") else f for f in made]
+        causes.append("white or black is missing, and another picture in its place")
     return tuple(made), tuple(causes)
 
 
@@ -248,6 +254,18 @@ def repeated_pictures(sample: Sample) -> list[int]:
     """Which pictures show the same as the one before, but for noise."""
     off = np.percentile(np.abs(np.diff(sample.here, axis=0)) / sample.contrast, 80, axis=1)
     return (np.flatnonzero(off < SAME) + 1).tolist()
+
+
+def doubled_light(sample: Sample, frames: Sequence[Frame]) -> bool:
+    """Whether what is to be white or black shows the stripes of another picture."""
+    for k, frame in enumerate(frames):
+        if frame.code in ("white", "black") and shows_stripes(
+            (sample.here[k] - sample.here.min(axis=0)) / sample.contrast
+        ):
+            off = np.percentile(np.abs(sample.here - sample.here[k]) / sample.contrast, 80, axis=1)
+            if np.count_nonzero(off < SAME) > 1:
+                return True
+    return False
 
 
 def corrected(pictures: FloatArray, gains: FloatArray, share: float) -> FloatArray:
