@@ -4,8 +4,9 @@
 
 FOLDER holds `skull_2x3`, `skull_gray`, `skull_gray_cloud.mat` and `calibration.xml`. Medians, in the rig's unit, of the
 distance of our points to the nearest of its, and to the plane through the 16 nearest; of how far apart its points lie,
-which is what the former still is where ours lie on that plane; and the other way round. Its projector's lens is left
-out in the last rows, as that tool left it out of this cloud.
+which is what the former still is where ours lie on that plane; and the other way round. Then the same of the pixels
+alone that bits read, too, as its cloud was made of bits, and how far noise is foretold to move these along their rays.
+Its projector's lens is left out in the last rows, as that tool left it out of this cloud.
 """
 
 from __future__ import annotations
@@ -31,18 +32,28 @@ def main(folder: Path) -> None:
     theirs = theirs[np.isfinite(theirs).all(axis=1)]
     rig = retrue.read_rig(folder / "calibration.xml", camera_size=(1688, 1352), projector_size=(1824, 1140), unit="mm")
     bare = replace(rig, projector=replace(rig.projector, distortion=np.zeros(5)))
+    captures = {
+        n: retrue.read_capture(folder / n, layout_sequence(own, rig.projector.size)) for n, own in LAYOUTS.items()
+    }
+    by_bits = _pixels(captures["skull_gray"].camera_px)
     for lens, own in (("with the projector's lens", rig), ("without it", bare)):
-        for name, layout in LAYOUTS.items():
-            points = retrue.read_capture(folder / name, layout_sequence(layout, rig.projector.size))
-            ours = retrue.reconstruct(own, points).points
+        for name, points in captures.items():
+            cloud = retrue.reconstruct(own, points)
+            assert cloud.sigma is not None
+            ours, shared = cloud.points, np.isin(_pixels(cloud.camera_px), by_bits)
             nearest, surface, apart = _beside(ours, theirs)
             back, back_surface, _ = _beside(theirs, ours)
             print(
                 f"{name:10} {lens}: {len(points)} points, to the nearest of {len(theirs)} {nearest:.3f}, to their "
                 f"surface {surface:.3f}, these apart {apart:.3f}; theirs to ours {back:.3f}, to our surface "
-                f"{back_surface:.3f}",
+                f"{back_surface:.3f}; where bits read {_beside(ours[shared], theirs)[0]:.3f}, noise "
+                f"{np.median(cloud.sigma[shared]):.3f}",
                 flush=True,
             )
+
+
+def _pixels(camera_px: FloatArray) -> FloatArray:
+    return camera_px @ np.array([1.0, 1e6])
 
 
 def _beside(points: FloatArray, others: FloatArray) -> tuple[float, float, float]:
