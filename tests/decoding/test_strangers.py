@@ -89,6 +89,20 @@ def test_coarse_stripes_do_not_bridge_a_step():
     assert np.mean(off > 1) < 0.01
 
 
+@pytest.mark.parametrize(("height", "width"), [(6, 25), (8, 20), (15, 40)])
+def test_wide_stripes_are_not_read_across_a_bump(height, width):
+    """A quarter of a stripe is two of the projector's pixels where it is eight wide: so far off points were read."""
+
+    def bumped(x, y):
+        bump = height * np.exp(-((x - 210) ** 2 + (y - 160) ** 2) / (2 * width**2))
+        return 20 + 0.55 * x + bump, 15 + 0.55 * y + 0.6 * bump
+
+    shot = shot_of([*LIGHTS, *both(lambda axis, side: bits(axis, side, 3))], bumped)
+    points = decode(shot.pattern, shot.pictures)
+    assert len(points) > 0.85 * CAMERA[0] * CAMERA[1]
+    assert np.abs(errors(shot, points)).max() < 0.75
+
+
 def test_a_cue_that_is_no_whole_number_of_periods():
     shot = shot_of(both(lambda axis, side: [*sine_frames(axis, 20.0, 4), *sine_frames(axis, float(side), 4)]))
     points = decode(shot.pattern, shot.pictures)

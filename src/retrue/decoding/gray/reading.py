@@ -20,6 +20,7 @@ from retrue.decoding.gray.sequence import GraySequence, Stripes
 from retrue.decoding.gray.stripe_edges import (
     ABOUT,
     BESIDE,
+    LARGEST_MISS,
     LARGEST_RESIDUAL,
     Edges,
     FloatImage,
@@ -97,7 +98,7 @@ def read_depth(depth: Depth, bands: Sequence[range], threads: ThreadPoolExecutor
     lit, agreed, inside, certain, smooth = (np.zeros(shape, np.bool_) for _ in range(5))
     codes = [np.empty(shape, np.int16) for _ in axes]
     fitters = [
-        PlaneFitter(shape, cell, along, LARGEST_RESIDUAL / depth.width)
+        PlaneFitter(shape, cell, along, min(LARGEST_RESIDUAL / depth.width, LARGEST_MISS / cell))
         for cell, along in zip(depth.plan.cells, depth.plan.along, strict=True)
     ]
     needed = None if wanted is None else _around(wanted, REACH_CELLS * max(depth.plan.cells))

@@ -44,6 +44,8 @@ BESIDE, ABOUT = (1, 2), (AROUND // 2, AROUND // 2 + 1)
 """Rows above and below a band that its edges look at: their neighbours, and where that width is asked, all about."""
 LARGEST_RESIDUAL = 0.25
 """Stripes, RMS: edges that scatter more about their plane belong to several surfaces, or to none."""
+LARGEST_MISS = 1.0
+"""Camera pixels, RMS: the same of stripes so wide that a quarter of one is no small miss of an edge."""
 LARGEST_SIGMA = 0.05
 """Stripes: above it, too few edges, or all of them to one side."""
 FOLDED = 4.0
