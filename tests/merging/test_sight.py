@@ -6,7 +6,7 @@ import pytest
 from retrue.geometry.transform import RigidTransform, vector_from_rotation
 from retrue.merging import ties
 from retrue.merging.merge import Merged, RefusedMerge, merge
-from retrue.merging.pairs import fine_pair
+from retrue.merging.pairs import alike, fine_pair, turned_poses
 from retrue.merging.sight import Sight, evidence
 from retrue.merging.view import make_view
 from retrue.reconstruction.cloud import Cloud
@@ -67,21 +67,22 @@ def test_a_quarter_of_a_turn_of_a_cube_loses_though_its_sides_lie_on_each_other(
     assert wrong.evidence < 1
 
 
-def test_views_are_not_tied_by_the_wrong_pose_that_shapes_tell(monkeypatch):
+def test_views_are_not_tied_by_the_wrong_pose_that_starts_lead_to(monkeypatch):
     random = np.random.default_rng(3)
     clouds = [cube_view(angle, random) for angle in (0.2, 0.7)]
-    monkeypatch.setattr(ties, "coarse_pose", lambda *_: at(0.2, 0.7, QUARTER))
+    monkeypatch.setattr(ties, "starts", lambda *_: [at(0.2, 0.7, QUARTER)])
     assert isinstance(merge(clouds), RefusedMerge)
-    monkeypatch.setattr(ties, "coarse_pose", lambda *_: at(0.2, 0.7))
+    monkeypatch.setattr(ties, "starts", lambda *_: [at(0.2, 0.7, QUARTER), at(0.2, 0.7)])
     assert isinstance(merge(clouds), Merged)
 
 
-def test_shapes_of_another_size_tie_what_those_of_one_leave_astray(monkeypatch):
-    random = np.random.default_rng(3)
-    clouds = [cube_view(angle, random) for angle in (0.2, 0.7)]
-    last = ties.COARSE_CELLS[-1]
-    monkeypatch.setattr(ties, "coarse_pose", lambda *given: at(0.2, 0.7, None if given[-1] == last else QUARTER))
-    assert isinstance(merge(clouds), Merged)
+@pytest.mark.parametrize("trial", range(4))
+def test_turns_lead_far_turned_views_to_each_other(trial):
+    random = np.random.default_rng([6, trial])
+    angle, step = random.uniform(0, 6), random.uniform(0.9, 1.1)
+    views = [make_view(cube_view(each, random).points, None, CELL) for each in (angle, angle + step)]
+    found = [fine_pair(0, 1, views, start, CELL).pose for start in turned_poses(*views, CELL)]
+    assert any(alike(views[1], pose, at(angle, angle + step), CELL / 10) for pose in found)
 
 
 def test_what_one_view_missed_by_itself_is_no_proof_against_all_others():

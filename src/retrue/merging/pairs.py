@@ -1,13 +1,13 @@
 """Two views of one object: how they lie to each other, and whether they do at all.
 
-Coarse by KISS-Matcher (features of the local shape, outliers pruned by a graph), fine by small_gicp (plane to
-plane). What they say is believed only where the surfaces then lie on each other, and neither lies where the other's
-camera saw through.
+Coarse by KISS-Matcher (features of the local shape, outliers pruned by a graph) and by trying turns all around, fine by
+small_gicp (plane to plane). What they say is believed only where the surfaces then lie on each other, and neither lies
+where the other's camera saw through.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from importlib.util import find_spec
 from typing import Any
@@ -19,14 +19,20 @@ from retrue.geometry.arrays import BoolArray, FloatArray, IntArray
 from retrue.geometry.robust import MAD_TO_SIGMA, biweight
 from retrue.geometry.transform import RigidTransform, rotation_from_vector
 from retrue.merging.sight import Sight, evidence, sight
-from retrue.merging.view import View
+from retrue.merging.view import View, prepared
 
 GATE = 2.0  # cells within which the other surface's nearest point is a counterpart
 ALIKE = np.cos(np.radians(40.0))  # between normals of counterparts
 NOISE_SIGMAS, SAMPLING = 3.0, 0.01  # on the other's surface is what is so near; of the cell
-COARSE_CELLS = (1.0, 1.4, 2.0, 0.7, 2.8, 4.0)  # by half octaves: shapes of one size that fail are told by others
+COARSE_CELLS = (1.0, 1.4, 2.0)  # by half octaves: shapes of one size that fail are told by others
 COARSE_REACH = 4.0
 MATCHER_CELL = 0.3
+TURNS = "I"  # an icosahedron's turns onto itself, 26 of which leave two cameras on one side: none is farther than 45
+# degrees from one of them, and surfaces find each other over so much
+BEHIND = (0.4, 1.0, 1.6)  # what is seen of an object lies so far before its middle, in standard deviations of its width
+TRIALS = ((150, 10), (300, 20))  # points and steps: all starts, then the likeliest ones again
+MOST_TURNS = 8  # of the places that they lead to
+TRIAL_REACH, TRIAL_NEIGHBOURS = 6.0, 6
 FINE_STEPS, SETTLING_STEPS = 20, 3
 FEWEST_COUNTERPARTS = 20
 
@@ -91,11 +97,57 @@ def coarse_pose(first: View, second: View, cell: float, cells: float) -> RigidTr
     return RigidTransform(R, np.array(found.translation, dtype=np.float64).ravel() / scale)
 
 
+def starts(first: View, second: View, cell: float) -> Iterator[RigidTransform]:
+    """first_from_second as it may be: from shapes of every size, then from turns."""
+    yield from (coarse_pose(first, second, cell, cells) for cells in COARSE_CELLS)
+    yield from turned_poses(first, second, cell)
+
+
+def turned_poses(first: View, second: View, cell: float) -> list[RigidTransform]:
+    """first_from_second by turns of every kind, both objects' middles on each other, aligned by few points; likeliest
+    first.
+
+    Far turned views have too little in common for shapes to tell.
+    """
+    from scipy.spatial.transform import Rotation
+
+    turns = np.array(Rotation.create_group(TURNS).as_matrix())
+    middles = [(_middle(first, behind), _middle(second, behind)) for behind in BEHIND]
+    poses = [RigidTransform(R, one - R @ other) for one, other in middles for R in turns[turns[:, 2, 2] > 0]]
+    for count, steps in TRIALS:
+        places = second.points[:: -(-len(second.points) // count)]
+        few = prepared(places, TRIAL_NEIGHBOURS)
+        poses = [_aligned(first, few, pose, TRIAL_REACH * cell, steps) for pose in poses]
+        poses = sorted(poses, key=lambda pose: -_share_near(first, pose.apply(places), cell))
+        poses = _distinct(second, poses, cell)[:MOST_TURNS]
+    return poses
+
+
+def _distinct(view: View, poses: Sequence[RigidTransform], cell: float) -> list[RigidTransform]:
+    """Poses that put a view to places of their own, the first of each."""
+    found: list[RigidTransform] = []
+    for pose in poses:
+        if not any(alike(view, pose, other, cell) for other in found):
+            found.append(pose)
+    return found
+
+
+def _middle(view: View, behind: float) -> FloatArray:
+    x, y, z = view.points.mean(axis=0)
+    return np.array([x, y, z + behind * view.points[:, :2].std(axis=0).mean()])
+
+
+def _share_near(view: View, places: FloatArray, cell: float) -> float:
+    distance, _ = view.tree.query(places, distance_upper_bound=cell)
+    return float(np.isfinite(distance).mean())
+
+
 def fine_pair(first: int, second: int, views: Sequence[View], pose: RigidTransform, cell: float) -> Pair:
     """The pair, its pose refined from `pose` on the two surfaces."""
     target, source = views[first], views[second]
-    pose = _aligned(target, source, pose, COARSE_REACH * cell)
-    pose = _settled(target, source, _aligned(target, source, pose, GATE * cell), cell)
+    pose = _aligned(target, source.prepared, pose, COARSE_REACH * cell, FINE_STEPS)
+    pose = _aligned(target, source.prepared, pose, GATE * cell, FINE_STEPS)
+    pose = _settled(target, source, pose, cell)
     back = pose.inverse()
     small, large = (target, source) if len(target.points) < len(source.points) else (source, target)
     large_from_small = back if small is target else pose
@@ -144,8 +196,8 @@ def moved(pose: RigidTransform, step: FloatArray) -> RigidTransform:
     return RigidTransform(rotation_from_vector(step[:3]), step[3:]) @ pose
 
 
-def _aligned(target: View, source: View, pose: RigidTransform, reach: float) -> RigidTransform:
-    """By generalised ICP; the pose that it began from, where it came to nothing."""
+def _aligned(target: View, source: Any, pose: RigidTransform, reach: float, steps: int) -> RigidTransform:
+    """By generalised ICP, `source` as small_gicp keeps it; the pose that it began from, where it came to nothing."""
     import small_gicp
 
     library: Any = small_gicp
@@ -154,13 +206,19 @@ def _aligned(target: View, source: View, pose: RigidTransform, reach: float) -> 
     cloud, tree = target.prepared
     found = library.align(
         cloud,
-        source.prepared[0],
+        source[0],
         tree,
         init_T_target_source=start,
         max_correspondence_distance=reach,
-        max_iterations=FINE_STEPS,
+        max_iterations=steps,
     ).T_target_source
     return RigidTransform(found[:3, :3], found[:3, 3]) if np.isfinite(found).all() else pose
+
+
+def alike(view: View, one: RigidTransform, other: RigidTransform, cell: float) -> bool:
+    """Whether two poses put a view to one place: so near that surfaces lead from the one to the other."""
+    apart = one.apply(view.points) - other.apply(view.points)
+    return bool(np.sqrt((apart**2).sum(axis=1).mean()) < GATE * cell)
 
 
 def _settled(target: View, source: View, pose: RigidTransform, cell: float) -> RigidTransform:

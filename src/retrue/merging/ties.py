@@ -8,7 +8,7 @@ import numpy as np
 
 from retrue.geometry.transform import RigidTransform, vector_from_rotation
 from retrue.merging.options import MergeOptions
-from retrue.merging.pairs import COARSE_CELLS, Pair, both_sights, coarse_pose, fine_pair
+from retrue.merging.pairs import Pair, alike, both_sights, fine_pair, starts
 from retrue.merging.sight import Sight, evidence
 from retrue.merging.view import View
 
@@ -27,7 +27,7 @@ def good(pair: Pair, options: MergeOptions) -> bool:
 def ties(views: Sequence[View], options: MergeOptions, cell: float, tried: Tried, progress: Progress | None) -> Poses:
     """Poses of the most views that can be tied, the first one's frame the object's; pairs tried go into `tried`.
 
-    Neighbours in the order of taking first; of each pair the pose that has most for it, by shapes of whatever size.
+    Neighbours in the order of taking first; of each pair the pose that has most for it.
     """
     if options.turntable:
         return _turned(views, options, cell, tried)
@@ -47,11 +47,11 @@ def ties(views: Sequence[View], options: MergeOptions, cell: float, tried: Tried
 
 
 def _best(first: int, second: int, views: Sequence[View], options: MergeOptions, cell: float) -> Pair:
-    """Of the poses that shapes of each size tell: those that could be right before others, by evidence."""
-    found = [
-        fine_pair(first, second, views, coarse_pose(views[first], views[second], cell, cells), cell)
-        for cells in COARSE_CELLS
-    ]
+    """Of the poses that all starts lead to: those that could be right before others, by evidence."""
+    found: list[Pair] = []
+    for start in starts(views[first], views[second], cell):
+        if not any(alike(views[second], pair.pose, start, cell) for pair in found):
+            found.append(fine_pair(first, second, views, start, cell))
     return max(found, key=lambda each: (good(each, options), each.evidence if good(each, options) else each.overlap))
 
 

@@ -92,7 +92,7 @@ def make_view(points: FloatArray, sigma: FloatArray | None, cell: float) -> View
         smoothed,
         neighbour_tree(thin),
         neighbour_tree(rays),
-        _prepared(thin),
+        prepared(thin),
     )
 
 
@@ -144,14 +144,14 @@ def local_normals(points: FloatArray, count: int) -> tuple[FloatArray, Any]:
     return normals, values[:, 0] < FLATTEST**2 * values[:, 1]
 
 
-def _prepared(points: FloatArray) -> Any:
+def prepared(points: FloatArray, neighbours: int = NEIGHBOURS) -> Any:
     """The points, with covariances, and their tree, as small_gicp wants them."""
     import small_gicp
 
     library: Any = small_gicp
     cloud = library.PointCloud(points)
     tree = library.KdTree(cloud)
-    library.estimate_covariances(cloud, tree, num_neighbors=NEIGHBOURS)
+    library.estimate_covariances(cloud, tree, num_neighbors=neighbours)
     return cloud, tree
 
 
