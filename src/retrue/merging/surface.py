@@ -16,6 +16,7 @@ import numpy as np
 
 from retrue.errors import DegenerateError, InputError
 from retrue.geometry.arrays import BoolArray, FloatArray, IntArray
+from retrue.kernels import moving_surface as kernel
 from retrue.merging.view import neighbour_tree
 
 NEIGHBOURS = 24  # that have a say at a place
@@ -40,41 +41,51 @@ class Surface:
 
     def at(self, places: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
         """f (M,), the normal (M, 3) and the sigma (M,) of f at places; NaN where no point is within reach."""
-        parts = [self._at(places[start : start + AT_A_TIME]) for start in range(0, len(places), AT_A_TIME)]
+        parts = [self._at(part, self._near(part)) for part in _parts(places)]
         value, normal, sigma = (np.concatenate(column) for column in zip(*parts, strict=True))
-        return value, normal, sigma
-
-    def _at(self, places: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
-        count = min(NEIGHBOURS, len(self.points))
-        distance, row = self.tree.query(places, count, distance_upper_bound=REACH * self.reach)
-        there = np.isfinite(distance)
-        row = np.where(there, row, 0)
-        weights = np.where(there, np.exp(-((np.where(there, distance, 0.0) / self.reach) ** 2)), 0.0)
-        weights = weights / self.sigma[row] ** 2
-        with np.errstate(invalid="ignore", divide="ignore"):
-            share = weights / weights.sum(axis=1, keepdims=True)
-            normal = np.einsum("nk,nki->ni", share, self.normals[row])
-            normal /= np.linalg.norm(normal, axis=1, keepdims=True)
-            mean = self.normals[row] + normal[:, None]
-            mean /= np.linalg.norm(mean, axis=2, keepdims=True)
-            away = np.einsum("nki,nki->nk", mean, places[:, None] - self.points[row])
-            value = (share * np.where(there, away, 0.0)).sum(axis=1)
-            sigma = np.sqrt((share**2 * self.sigma[row] ** 2).sum(axis=1))
         return value, normal, sigma
 
     def onto(self, places: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
         """Places (M, 3) moved to the surface along its normal; the normals there, and the sigma of where it is."""
-        value, normal, _ = self.at(places)
+        parts = [self._onto(part, self._near(part)) for part in _parts(places)]
+        on, normal, sigma = (np.concatenate(column) for column in zip(*parts, strict=True))
+        return on, normal, sigma
+
+    def _onto(self, places: FloatArray, near: IntArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+        value, normal, _ = self._at(places, near)
         on = places - value[:, None] * normal
-        value, normal, sigma = self.at(on)
+        value, normal, sigma = self._at(on, near)  # it moved by less than points are apart
         return on - value[:, None] * normal, normal, sigma
+
+    def _near(self, places: FloatArray) -> IntArray:
+        count = min(NEIGHBOURS, len(self.points))
+        _, row = self.tree.query(places, count, distance_upper_bound=REACH * self.reach)
+        return np.asarray(row, dtype=np.int64).reshape(len(places), count)
+
+    def _at(self, places: FloatArray, near: IntArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+        value, sigma = np.full((2, len(places)), np.nan)
+        normal = np.full((len(places), 3), np.nan)
+        farthest = REACH * self.reach
+        kernel.heights(places, self.points, self.normals, self.sigma, near, self.reach, farthest, value, normal, sigma)
+        return value, normal, sigma
+
+
+def _parts(places: FloatArray) -> list[FloatArray]:
+    return [np.ascontiguousarray(places[start : start + AT_A_TIME]) for start in range(0, len(places), AT_A_TIME)]
 
 
 def make_surface(points: FloatArray, normals: FloatArray, sigma: FloatArray, reach: float) -> Surface:
     """Points without a normal are left out."""
     known = np.isfinite(normals).all(axis=1) & np.isfinite(points).all(axis=1) & (sigma > 0)
     points = np.ascontiguousarray(points[known])
-    return Surface(points, normals[known], sigma[known], reach, neighbour_tree(points), np.flatnonzero(known))
+    return Surface(
+        points,
+        np.ascontiguousarray(normals[known]),
+        np.ascontiguousarray(sigma[known]),
+        reach,
+        neighbour_tree(points),
+        np.flatnonzero(known),
+    )
 
 
 def require_meshing() -> None:
