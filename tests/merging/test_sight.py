@@ -70,9 +70,10 @@ def test_a_quarter_of_a_turn_of_a_cube_loses_though_its_sides_lie_on_each_other(
 def test_views_are_not_tied_by_the_wrong_pose_that_starts_lead_to(monkeypatch):
     random = np.random.default_rng(3)
     clouds = [cube_view(angle, random) for angle in (0.2, 0.7)]
-    monkeypatch.setattr(ties, "starts", lambda *_: [at(0.2, 0.7, QUARTER)])
+    monkeypatch.setattr(ties, "turned_poses", lambda *_: [at(0.2, 0.7, QUARTER)])
+    monkeypatch.setattr(ties, "shaped_poses", lambda *_: [])
     assert isinstance(merge(clouds), RefusedMerge)
-    monkeypatch.setattr(ties, "starts", lambda *_: [at(0.2, 0.7, QUARTER), at(0.2, 0.7)])
+    monkeypatch.setattr(ties, "shaped_poses", lambda *_: [at(0.2, 0.7)])
     assert isinstance(merge(clouds), Merged)
 
 

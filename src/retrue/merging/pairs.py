@@ -84,6 +84,11 @@ def require_libraries() -> None:
             raise InputError(f'merge: expected the library {name}, found none; pip install ".[merge]"')
 
 
+def shaped_poses(first: View, second: View, cell: float) -> Iterator[RigidTransform]:
+    """first_from_second by shapes of each size."""
+    return (coarse_pose(first, second, cell, cells) for cells in COARSE_CELLS)
+
+
 def coarse_pose(first: View, second: View, cell: float, cells: float) -> RigidTransform:
     """first_from_second from shapes of so many cells alone; whatever it says of views without common surface."""
     import kiss_matcher
@@ -96,12 +101,6 @@ def coarse_pose(first: View, second: View, cell: float, cells: float) -> RigidTr
     u, _, vt = np.linalg.svd(np.array(found.rotation, dtype=np.float64))
     R = u @ np.diag([1.0, 1.0, np.linalg.det(u @ vt)]) @ vt
     return RigidTransform(R, np.array(found.translation, dtype=np.float64).ravel() / scale)
-
-
-def starts(first: View, second: View, cell: float) -> Iterator[RigidTransform]:
-    """first_from_second as it may be: from shapes of every size, then from turns."""
-    yield from (coarse_pose(first, second, cell, cells) for cells in COARSE_CELLS)
-    yield from turned_poses(first, second, cell)
 
 
 def turned_poses(first: View, second: View, cell: float) -> list[RigidTransform]:

@@ -8,7 +8,7 @@ import numpy as np
 
 from retrue.geometry.transform import RigidTransform, vector_from_rotation
 from retrue.merging.options import MergeOptions
-from retrue.merging.pairs import Pair, alike, both_sights, fine_pair, starts
+from retrue.merging.pairs import Pair, alike, both_sights, fine_pair, shaped_poses, turned_poses
 from retrue.merging.sight import Sight, evidence
 from retrue.merging.view import View
 
@@ -47,12 +47,25 @@ def ties(views: Sequence[View], options: MergeOptions, cell: float, tried: Tried
 
 
 def _best(first: int, second: int, views: Sequence[View], options: MergeOptions, cell: float) -> Pair:
-    """Of the poses that all starts lead to: those that could be right before others, by evidence."""
+    """Of the poses that turns lead to the likeliest; of those that shapes tell, too, where it is not proven.
+
+    Each turn is a rival: none that is proven ends the search by itself, or objects that are nearly their own copies
+    were tied by the first of their poses.
+    """
     found: list[Pair] = []
-    for start in starts(views[first], views[second], cell):
-        if not any(alike(views[second], pair.pose, start, cell) for pair in found):
-            found.append(fine_pair(first, second, views, start, cell))
-    return max(found, key=lambda each: (good(each, options), each.evidence if good(each, options) else each.overlap))
+    for starts in (turned_poses, shaped_poses):
+        for start in starts(views[first], views[second], cell):
+            if not any(alike(views[second], pair.pose, start, cell) for pair in found):
+                found.append(fine_pair(first, second, views, start, cell))
+        best = max(found, key=lambda each: _rank(each, options))
+        if good(best, options) and best.evidence >= PROVEN:
+            return best
+    return max(found, key=lambda each: _rank(each, options))
+
+
+def _rank(pair: Pair, options: MergeOptions) -> tuple[bool, float]:
+    possible = good(pair, options)
+    return possible, pair.evidence if possible else pair.overlap
 
 
 def _joined(groups: list[Poses], pair: Pair, views: Sequence[View], cell: float) -> list[Poses]:
