@@ -22,7 +22,7 @@ def draw(reach, random, bad=0.0):
     noise = gaussian_filter(noise, reach) * (2 * reach * np.pi**0.5 if reach else 1.0)
     distance = noise[:SIDE, :SIDE].ravel() + random.choice([-5, 5], SIDE**2) * (random.random(SIDE**2) < bad)
     places = np.column_stack([x.ravel(), y.ravel(), np.full(SIDE**2, 100.0)])
-    return Counterparts(places, normals, distance, np.ones(SIDE**2))
+    return Counterparts(places, normals, distance, np.ones(SIDE**2), np.arange(SIDE**2))
 
 
 @pytest.mark.parametrize(("reach", "bad"), [(0.0, 0.0), (0.0, 0.1), (1.0, 0.0), (2.0, 0.0)])

@@ -48,6 +48,10 @@ def adjust(
     Every pair says by its normal equations what turn and shift of its second view against its first one it wants,
     all in the object's frame; the first view stays. Both directions of a pair are asked, each at half its weight,
     for they are of the same points.
+
+    Pairs that see one place share their views' errors: of n views the n (n - 1) / 2 differences, each of variance 2,
+    tell of their heights as much as 2 / n of them would by themselves (the Laplacian of n heights about their unknown
+    mean is that of all differences over n, not over 2).
     """
     order = list(poses)
     place = {view: number for number, view in enumerate(order)}
@@ -63,8 +67,9 @@ def adjust(
         ratios = np.abs(np.concatenate([each.distance / each.sigma for each in found]))
         level = max(MAD_TO_SIGMA * float(np.median(ratios)), 1e-9)
         information, gradient = np.zeros((size, size)), np.zeros(size)
-        for (first, second), each in zip(directed, found, strict=True):
-            H, g, _ = normal_equations(each, level)
+        shares = _shares(views, directed, found)
+        for (first, second), each, share in zip(directed, found, shares, strict=True):
+            H, g, _ = normal_equations(each, level, share)
             turn = _adjoint(poses[first])  # from the object's frame to the first view's
             H, g = turn.T @ H @ turn / 2, turn.T @ g / 2
             a, b = (slice(6 * place[view], 6 * place[view] + 6) for view in (first, second))
@@ -121,6 +126,16 @@ def shared_errors(pairs: Sequence[Counterparts], level: float, cell: float) -> t
     alone = np.flatnonzero(rings < 0)
     gradients = float(rings[: alone[0] if len(alone) else None].sum() / weight)
     return gradients, gradients * float(weight / slope) ** 2
+
+
+def _shares(
+    views: Sequence[View], directed: Sequence[tuple[int, int]], found: Sequence[Counterparts]
+) -> list[FloatArray]:
+    """Of each counterpart 2 / n, n the number of views that see its point."""
+    seen = {view: np.ones(len(views[view].points)) for pair in directed for view in pair}
+    for (_, second), each in zip(directed, found, strict=True):
+        seen[second][each.rows] += 1
+    return [2 / seen[second][each.rows] for (_, second), each in zip(directed, found, strict=True)]
 
 
 def _adjoint(object_from_view: RigidTransform) -> FloatArray:

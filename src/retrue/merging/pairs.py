@@ -68,13 +68,14 @@ class Counterparts:
     Attributes
     ----------
     places : (M, 3) in the first view's frame. normals : (M, 3) the mean of both surfaces' normals, there.
-    distance : (M,) along the normal. sigma : (M,) of the distance.
+    distance : (M,) along the normal. sigma : (M,) of the distance. rows : (M,) which ones of the second view's points.
     """
 
     places: FloatArray
     normals: FloatArray
     distance: FloatArray
     sigma: FloatArray
+    rows: IntArray
 
 
 def require_libraries() -> None:
@@ -177,16 +178,18 @@ def counterparts(target: View, source: View, pose: RigidTransform, cell: float) 
     normals = turned[near] + target.normals[row]
     normals /= np.linalg.norm(normals, axis=1, keepdims=True)
     sigma = np.hypot(source.sigma[near], target.sigma[row])
-    return Counterparts((p + q) / 2, normals, ((p - q) * normals).sum(axis=1), sigma)
+    return Counterparts((p + q) / 2, normals, ((p - q) * normals).sum(axis=1), sigma, np.flatnonzero(near))
 
 
-def normal_equations(found: Counterparts, level: float) -> tuple[FloatArray, FloatArray, FloatArray]:
+def normal_equations(
+    found: Counterparts, level: float, share: FloatArray | float = 1.0
+) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Information (6, 6) and gradient (6,) of a small turn and shift of the source in the target's frame; weights (M,).
 
     A turn w and a shift v about the target's origin move a point at X by w x X + v, its distance by (X x n, n) . (w,
-    v).
+    v). Each counterpart counts as so large a `share` (M,) of one.
     """
-    weights = biweight(found.distance / (level * found.sigma)) / found.sigma**2
+    weights = share * biweight(found.distance / (level * found.sigma)) / found.sigma**2
     design = np.column_stack([np.cross(found.places, found.normals), found.normals])
     return (design * weights[:, None]).T @ design, design.T @ (weights * found.distance), weights
 
