@@ -59,8 +59,21 @@ def test_no_points(tmp_path):
         "\ufeffcamera_x,camera_y,projector_x,projector_y\n1,2,3,4",
         " camera_x , camera_y , projector_x , projector_y \n 1, 2 , 3,4e0\n",
         "projector_y,name,camera_x,camera_y,projector_x\n4,corner,1,2,3\n",
+        "Camera_X,Camera_Y,PROJECTOR_X,PROJECTOR_Y\n1,2,3,4\n",
+        '"camera_x","camera_y","projector_x","projector_y"\n"1","2","3","4"\n',
+        '"name, and where",camera_x,camera_y,projector_x,projector_y\n"corner, left",1,2,3,4\n',
+        'camera_x;camera_y;projector_x;projector_y\n"1,0";"2,0";"3,0";"4,0"\n',
     ],
-    ids=["DOS lines", "byte-order mark", "spaces", "other order and more columns"],
+    ids=[
+        "DOS lines",
+        "byte-order mark",
+        "spaces",
+        "other order and more columns",
+        "capitals",
+        "quotes",
+        "commas in quotes",
+        "decimal commas in quotes",
+    ],
 )
 def test_what_spreadsheets_write(tmp_path, text):
     (tmp_path / "points.csv").write_text(text, encoding="utf-8", newline="")
@@ -77,6 +90,7 @@ def test_what_spreadsheets_write(tmp_path, text):
         ("1,inf,3,4\n", "line 2: camera_y: expected a finite number, found 'inf'"),
         ("1,2,3,4\n1,2,3,four\n", "line 3: projector_y: expected a finite number, found 'four'"),
         ("1,2,3,\n", "line 2: projector_y: expected a finite number, found ''"),
+        ('"1","2","3","four"\n', "line 2: projector_y: expected a finite number, found 'four'"),
         ("1;2;3;4\n", "line 2: camera_x: expected a finite number, found '1;2;3;4'"),
     ],
 )
@@ -96,9 +110,9 @@ def test_a_value_out_of_range_is_named(tmp_path):
 @pytest.mark.parametrize(
     ("content", "complaint"),
     [
-        (b"", "found no column camera_x"),
-        (b"1,2,3,4\n", "found no column camera_x"),
-        (b"camera_x,projector_x,projector_y\n1,2,3\n", "found no column camera_y"),
+        (b"", "found no column camera_x, but nothing"),
+        (b"1,2,3,4\n", "found no column camera_x, but 1, 2, 3, 4"),
+        (b"camera_x,projector_x,projector_y\n1,2,3\n", "found no column camera_y, but camera_x, projector_x, "),
         (b"\x89PNG\r\n\x1a\n\xff\xfe", "expected text"),
     ],
 )

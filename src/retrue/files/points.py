@@ -8,6 +8,7 @@ that starts with # is a comment.
 
 from __future__ import annotations
 
+import csv
 import io
 import re
 from pathlib import Path
@@ -91,7 +92,8 @@ def write_points(path: str | Path, points: Correspondences) -> None:
 def read_points(path: str | Path) -> Correspondences:
     """Matched pixels from CSV; the order of columns is free, unknown ones are passed over.
 
-    Columns may be separated by semicolons or tabs too, and numbers then have decimal commas.
+    Columns may be separated by semicolons or tabs too, and numbers then have decimal commas. Any cell may stand in
+    quotes, and names in capitals.
 
     Raises
     ------
@@ -102,7 +104,10 @@ def read_points(path: str | Path) -> Correspondences:
     required = [name for name in REQUIRED if name in names]
     missing = [name for name in REQUIRED if name not in required]
     if len(required) < 3 or missing[:1] in (["camera_x"], ["camera_y"]):
-        raise FileError(path, f"expected a CSV with the header {','.join(REQUIRED)}, found no column {missing[0]}")
+        found = ", ".join(names)[:80] or "nothing"
+        raise FileError(
+            path, f"expected a CSV with the header {','.join(REQUIRED)}, found no column {missing[0]}, but {found}"
+        )
     fields = {name: field for name, field in OPTIONAL.items() if set(field.columns) <= set(names)}
     wanted = [_Column(name, names.index(name), nan=False) for name in required]
     wanted += [_Column(name, names.index(name), field.nan) for field in fields.values() for name in field.columns]
@@ -140,7 +145,7 @@ def _sizes_header_and_body(path: Path) -> tuple[dict[str, tuple[int, int]], list
     for separator in (";", "\t"):  # as where a comma is the decimal point
         if separator in header:
             header, body = (text.replace(",", ".").replace(separator, ",") for text in (header, body))
-    names = [name.strip().strip('"') for name in header.split(",")]
+    names = [name.strip().lower() for name in _cells(header)]
     _require_no_decimal_commas(path, lines + 2, names, body)
     return sizes, names, "\n" * lines + body
 
@@ -149,13 +154,18 @@ def _require_no_decimal_commas(path: Path, number: int, names: list[str], body: 
     """The first row has no more columns than there are names."""
     for line, row in enumerate(body.split("\n", 20)[:20], start=number):
         if row.strip():
-            if len(row.rstrip(", \r").split(",")) > len(names):
+            if len(_cells(row.rstrip(", \r"))) > len(names):
                 raise FileError(
                     path,
-                    f"line {line}: expected {len(names)} columns as in the header, found {row.count(',') + 1}; where "
+                    f"line {line}: expected {len(names)} columns as in the header, found {len(_cells(row))}; where "
                     "numbers have decimal commas, separate columns by semicolons",
                 )
             return
+
+
+def _cells(row: str) -> list[str]:
+    """Of one line; those in quotes, as spreadsheets write them, may hold commas."""
+    return next(csv.reader([row], skipinitialspace=True), list[str]())
 
 
 def _sizes(path: Path, number: int, line: str) -> dict[str, tuple[int, int]]:
@@ -179,7 +189,8 @@ def _parse(path: Path, body: str, wanted: list[_Column]) -> FloatArray:
     if (rows := body.count("\n")) > MOST_ROWS:
         raise FileError(path, f"expected at most {MOST_ROWS} rows, found {rows}")
     try:
-        table = np.loadtxt(io.StringIO(body), delimiter=",", comments=None, usecols=[c.place for c in wanted], ndmin=2)
+        places = [column.place for column in wanted]
+        table = np.loadtxt(io.StringIO(body), delimiter=",", comments=None, quotechar='"', usecols=places, ndmin=2)
     except ValueError:
         _name_bad_line(path, body, wanted)
     if not all(column.holds(values) for column, values in zip(wanted, table.T, strict=True)):
@@ -190,7 +201,7 @@ def _parse(path: Path, body: str, wanted: list[_Column]) -> FloatArray:
 def _name_bad_line(path: Path, body: str, wanted: list[_Column]) -> NoReturn:
     """The quick parser knows only that something is wrong; this finds the line."""
     for line, row in enumerate(body.split("\n"), start=2):
-        cells = row.split(",")
+        cells = _cells(row)
         if not row.strip():
             continue
         for column in wanted:
