@@ -416,6 +416,9 @@ def test_what_opencvs_stereo_sample_writes_is_a_rig(tmp_path: Path) -> None:
     with pytest.raises(FileError, match="looks like opencv-stereo, but R, T is missing: the sample writes"):
         read_rig(alone, **SIZES, unit="mm")
     write(tmp_path / "extrinsics.yml", "%YAML:1.0\n---\n" + extrinsics)
+    lensless = write(tmp_path / "lensless.yml", (tmp_path / "both.yml").read_text().replace("D2:", "d2:"))
+    with pytest.raises(FileError, match=r"but D2 is missing$"):
+        read_rig(lensless, **SIZES, unit="mm")
     for half in ("intrinsics.yml", "extrinsics.yml"):
         assert read_rig(tmp_path / half, **SIZES, unit="mm").projector_from_camera.t.tolist() == [-432, 44, 24]
 

@@ -100,6 +100,7 @@ TOOL_FORMATS = (
         most_distortion=5,
     ),
     ToolFormat("opencv-stereo", ("M1", "D1"), ("M2", "D2"), camera_size=SizeEntries(("imageSize",))),
+    ToolFormat("stereo-calibration", ("K1", "D1"), ("K2", "D2")),
 )
 FEWEST_MATCHING = 4
 """Of a tool's six entries: a format is guessed only where most of them are there."""
@@ -123,7 +124,7 @@ def recognise(storage: Storage, role: Role | None = None) -> ToolFormat:
     if len(lacking) > most:
         raise FileError(storage.path, _unknown(storage))
     hint = ""
-    if nearest.name == "opencv-stereo":
+    if nearest.name == "opencv-stereo" and lacking == ["R", "T"]:
         hint = ": the sample writes them to two files, intrinsics and extrinsics; put both into one folder, or one file"
     raise FileError(storage.path, f"looks like {nearest.name}, but {', '.join(lacking)} is missing{hint}")
 
