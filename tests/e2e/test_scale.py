@@ -76,5 +76,5 @@ def test_mistakes_are_named(retrue: Retrue, files: Path, tmp_path: Path) -> None
     retrue("scale", *words, "sphere:60mm").require_complaint("expected --click or --at")
     retrue("scale", *words, "sphere:60mm", "--click", 1, 2, 3).require_complaint("--click", "2 numbers", "found 3")
     retrue("scale", *words, "points:6mm", "--at", 1, 2, 3, 1, 2, -3).require_complaint("--at", "Z above 0")
-    retrue("scale", *words, "points:6", "--click", 1, 2, 3, 4).require_complaint("artefact")
+    retrue("scale", *words, "points:6", "--click", 1, 2, 3, 4).require_complaint("--known", "found 'points:6'")
     assert not (tmp_path / "new.json").exists()

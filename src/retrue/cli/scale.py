@@ -70,10 +70,13 @@ class Scale(ReportingCommand):
         kind, _, length = self.known.partition(":")
         if kind == "plane":
             raise InputError("--known: expected points, sphere or spheres, found plane: a plane has no length")
-        if kind not in ("points", "sphere", "spheres"):
+        try:
+            known = parse_artefact(f"sphere:{length}" if kind == "points" else self.known)
+        except InputError as error:
+            if kind in ("sphere", "spheres"):
+                raise
             told = "points:LENGTH, sphere:DIAMETER or spheres:DIAMETER:DISTANCE, such as points:120mm"
-            raise InputError(f"--known: expected {told}, found {self.known!r}")
-        known = parse_artefact(f"sphere:{length}" if kind == "points" else self.known)
+            raise InputError(f"--known: expected {told}, found {self.known!r}") from error
         rig = read_rig(self.rig)
         places = self._places(rig, 1 if kind == "sphere" else 2)
         cloud = self._cloud(rig)
