@@ -266,6 +266,16 @@ def test_pictures_that_are_missing_or_too_many_are_named_and_no_other_code_suspe
     assert str(caught.value).endswith(said)
 
 
+def test_bits_in_place_of_sines_are_another_code_though_bits_tell_their_turns() -> None:
+    pattern = FrameSequence(SIZE, tuple(both(CODES["gray"])))
+    shown = shot_of(both(lambda axis, side: gray_frames(axis, range(1, 9)[::-1], inverses=True)))
+    assert len(shown.pictures) == pattern.picture_count
+    assert shows_another_code(pattern, shown.pictures)
+    assert not shows_another_code(pattern, shot_of(pattern.frames).pictures)
+    with pytest.raises(CaptureError):
+        decode(pattern, shown.pictures)
+
+
 @pytest.mark.parametrize("layout", ["slstudio-2x3", "slstudio-nstep", "3dunderworld"])
 def test_overexposed_pictures_are_called_so_and_not_another_code(layout):
     pattern = layout_sequence(layout, SIZE)

@@ -122,7 +122,9 @@ def _decode_or_diagnose(
         try:
             return _diagnosed(pattern, images, names, doubt)
         except CaptureError as told:
-            if told is not doubt:
+            from retrue.decoding.sequence.diagnosis import shows_another_code
+
+            if told is not doubt or shows_another_code(pattern, images):
                 raise
     return points, sequence
 

@@ -244,15 +244,19 @@ def overexposed(images: Sequence[Image]) -> float:
 
 
 def shows_another_code(pattern: GrayCode | FrameSequence, images: Sequence[Image]) -> bool:
-    """Whether the pictures show sines where the pattern has bits, or bits where it has sines only.
+    """Whether the pictures show sines where the pattern has bits, or bits where it has sines.
 
     False of a sequence of another number of pictures: `found_instead` has told what they are.
     """
-    if isinstance(pattern, FrameSequence) and frames_of(pattern, len(images)) is None:
-        return False
-    codes = {"gray"} if isinstance(pattern, GrayCode) else {frame.code for frame in pattern.frames}
-    sines = show_sines(images)
-    return sines is not None and codes & {"gray", "phase"} == ({"gray"} if sines else {"phase"})
+    frames = frames_of(pattern, len(images))
+    if frames is None:
+        return isinstance(pattern, GrayCode) and show_sines(images) is True
+    codes = {frame.code for frame in frames} & {"gray", "phase"}
+    return any(
+        show_sines([image for image, frame in zip(images, frames, strict=True) if frame.code not in codes - {code}])
+        is (code == "gray")
+        for code in codes
+    )
 
 
 def _made(layout: str, size: tuple[int, int], count: int, code: Code) -> list[FrameSequence]:
