@@ -123,7 +123,9 @@ def _require_one_size(folder: Path, paths: Sequence[Path], sizes: Sequence[tuple
     if odd:
         (name, (width, height)), more = odd[0], f" (and {len(odd) - 1} more)" if len(odd) > 1 else ""
         raise CaptureError(
-            folder, f"{name}{more} is {width} x {height} pixels, the others {usual[0]} x {usual[1]}: take it again"
+            folder,
+            f"{name}{more} is {width} x {height} pixels, the others {usual[0]} x {usual[1]}: take it again, or out of "
+            "the folder if it is no picture of the capture",
         )
 
 
