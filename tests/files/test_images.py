@@ -237,7 +237,11 @@ def test_mixed_sizes_are_named(tmp_path):
 def test_no_folder_and_empty_folder(tmp_path):
     with pytest.raises(CaptureError, match="no such folder"):
         read_folder(tmp_path / "none")
-    with pytest.raises(CaptureError, match="no pictures in it"):
+    with pytest.raises(CaptureError, match=r"no pictures in it: .* TIFF files$"):
+        read_folder(tmp_path)
+    for name in ("pose2", "pose1"):
+        (tmp_path / name).mkdir()
+    with pytest.raises(CaptureError, match=r"found 2 folders: hand those in, as .*pose1$"):
         read_folder(tmp_path)
 
 

@@ -54,7 +54,7 @@ class Server:
         words = ["studio", *words, "--folder", str(folder), "--port", str(self.port)]
         self.process = started(words, folder.parent)
         assert self.process.stderr is not None
-        found = re.search(r"open (http://\S+);", self.process.stderr.readline())
+        found = re.search(r"open (http://\S+) ", self.process.stderr.readline())
         assert found is not None
         self.address = found[1]
 
@@ -230,7 +230,7 @@ def test_the_quick_start_opens_the_studio_as_it_stands(tmp_path: Path):
         process = started(call.split()[1:], tmp_path)
         try:
             assert process.stderr is not None
-            found = re.search(r"open (http://127\.0\.0\.1:8090/\?token=\S+);", process.stderr.readline())
+            found = re.search(r"open (http://127\.0\.0\.1:8090/\?token=\S+) ", process.stderr.readline())
             assert found is not None
             assert answered(found[1].partition("?")[0], {}) == 401  # somebody is there, who asks for the token
         finally:

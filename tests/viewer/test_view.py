@@ -156,7 +156,7 @@ def test_the_command_prints_its_address_and_ends_cleanly(files, stop):
         try:
             assert process.stderr is not None
             line = process.stderr.readline()
-            found = re.fullmatch(r"look at (http://127\.0\.0\.1:\d+); Ctrl-C ends it\n", line)
+            found = re.fullmatch(r"look at (http://127\.0\.0\.1:\d+) \(Ctrl-C ends it\)\n", line)
             assert found, line + process.stderr.read()
             with urllib.request.urlopen(found.group(1)) as page:
                 assert page.status == 200

@@ -63,7 +63,7 @@ class Studio(Command):
         require_free_port(self.port)
         token = new_token()
         address = f"http://{HOST}:{self.port}/?token={token}"
-        log(f"open {address}; Ctrl-C ends it")
+        log(f"open {address} (Ctrl-C ends it)")
         with contextlib.suppress(KeyboardInterrupt):
             live = None if self.setup is None and not self.simulated else Live(setup, made_folder(self.folder))
             serve(live, token, self.port, None if self.fleet is None else partial(_fleet_page, self.fleet))

@@ -66,6 +66,6 @@ class View(Command):
         signal.signal(signal.SIGTERM, signal.default_int_handler)
         address = f"http://{self.host}:{self.port}"
         with contextlib.suppress(KeyboardInterrupt), serving(scene.page("retrue view"), self.host, self.port):
-            log(f"look at {address}; Ctrl-C ends it")
+            log(f"look at {address} (Ctrl-C ends it)")
             threading.Event().wait()
         return Outcome({"address": address, "notes": list(scene.notes)}, "ended")

@@ -111,7 +111,9 @@ def picture_paths(folder: Path) -> list[Path]:
         raise CaptureError(folder, f"cannot be read as a folder: {error.strerror or error}") from error
     paths = [entry for entry in entries if entry.suffix.lower() in SUFFIXES and entry.is_file()]
     if not paths:
-        raise CaptureError(folder, "no pictures in it: expected PNG, JPEG, BMP or TIFF files")
+        folders = sorted(entry.name for entry in entries if entry.is_dir())
+        instead = f", found {len(folders)} folders: hand those in, as {folder / folders[0]}" if folders else ""
+        raise CaptureError(folder, f"no pictures in it: expected PNG, JPEG, BMP or TIFF files{instead}")
     if len(paths) > MAX_PICTURES:
         raise CaptureError(folder, f"expected one capture, found {len(paths)} pictures")
     return sorted(paths, key=lambda entry: (natural_key(entry.name), entry.name))
