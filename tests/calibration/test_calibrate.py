@@ -226,6 +226,15 @@ def test_left_out_captures_stay_in_the_evidence(six: tuple[Rig, list[View]]) -> 
     assert result.evidence["left_out"] == [{"name": "pose 9", "reason": "no board"}]
 
 
+@pytest.mark.parametrize(("two", "name"), [(False, "projector"), (True, "second camera")])
+def test_advice_calls_the_second_device_what_it_is(six: tuple[Rig, list[View]], two: bool, name: str) -> None:
+    views = [replace(view, two_pictures=two) for view in six[1][:2]]
+    advice = calibrate_views(views, BOARD, SIZES).evidence["advice"]
+    told = [line for line in advice if "had none yet" in line]
+    assert any(f"the {name}'s picture" in line for line in told)
+    assert two != any("projector" in line for line in told)
+
+
 def test_two_real_cameras(benchmark: ModuleType, shared_data: Path) -> None:
     for theirs, ours in benchmark.two_cameras(shared_data / "stereo-board").values():
         assert ours <= theirs * (1 + 1e-6)

@@ -95,10 +95,11 @@ def advise(fit: Adjusted, views: list[View], dropped: Sequence[int], coverage: d
         advice.append(f"tilt the board more: its poses differ by {angle:.0f} degrees at most, aim for 30 to 60")
     if len(views) < 5:
         advice.append(f"capture more poses: {len(views)} were used, aim for eight")
-    for name in DEVICES[: len(fit.setup.devices)]:
+    said = ("first camera", "second camera") if views[0].two_pictures else DEVICES
+    for name, device in zip(DEVICES[: len(fit.setup.devices)], said, strict=False):
         if coverage[name]["empty"] and coverage[name]["share"] < 0.6:
             where = ", ".join(coverage[name]["empty"])
-            advice.append(f"hold the board where the {name}'s picture has had none yet: {where}")
+            advice.append(f"hold the board where the {device}'s picture has had none yet: {where}")
     if not depth_spread(fit) > 0.1:
         advice.append("hold the board nearer and farther too: all poses are at nearly one distance")
     corners = sum(len(view.board_xy) for view in views)
