@@ -239,3 +239,22 @@ def test_bad_usage(retrue, tmp_path, monkeypatch, arguments):
     monkeypatch.chdir(tmp_path)
     retrue(*arguments).require_complaint()
     assert names(tmp_path) == []
+
+
+@pytest.mark.parametrize(
+    "words",
+    [
+        "decode points.csv --out points.csv",
+        "recalibrate before.json points.csv --out points.csv",
+        "recalibrate before.json points.csv --out new.json --report ../{0}/new.json",
+        "reconstruct rig.json points.csv --out a.ply --mesh a.ply",
+        "verify rig.json points.csv --report rig.json",
+        "scale rig.json points.csv --known points:40mm --click 500 400 800 420 --out points.csv",
+        "merge rig.json points.csv --out points.csv",
+    ],
+)
+def test_no_answer_replaces_what_it_is_made_of_or_another(retrue, files, words, monkeypatch):
+    monkeypatch.chdir(files.folder)
+    kept = {path.name: path.read_bytes() for path in files.folder.iterdir()}
+    retrue(*words.format(files.folder.name).split()).require_complaint("expected a file of its own to write")
+    assert {path.name: path.read_bytes() for path in files.folder.iterdir()} == kept

@@ -93,7 +93,7 @@ class Accept(ReportingCommand):
             from retrue.report.certificate import require_certificate
 
             require_certificate(self.out)
-        require_writable(self.out)
+        require_writable(self.out, made_of=(self.rig, *self.captures, self.pattern))
         rig = read_rig(self.rig)
         captures = self.read(rig, self.captures, self.pattern, one_coordinate=True, photographs=self.out is not None)
         start = time.perf_counter()

@@ -79,7 +79,7 @@ class Calibrate(ReportingCommand):
         from retrue.files.patterns import read_pattern
         from retrue.files.rigs import read_device, write_rig
 
-        require_writable(self.out, self.report)
+        require_writable(self.out, self.report, made_of=(*self.captures, self.pattern, self.camera, self.projector))
         board = parse_board(self.board)
         pattern = None if self.pattern is None else read_pattern(self.pattern)
         camera_size, projector_size = self._sizes(pattern)

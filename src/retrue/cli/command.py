@@ -163,11 +163,16 @@ def log(message: str) -> None:
     terminal.note(message)
 
 
-def require_writable(*paths: Path | None) -> None:
-    """Find out before the work, not after it, that an answer has nowhere to go."""
+def require_writable(*paths: Path | None, made_of: Sequence[Path | None] = ()) -> None:
+    """Find out before the work, not after it, that an answer has nowhere to go, or would replace what it is made of
+    or another answer."""
+    taken = {path.resolve() for path in made_of if path is not None}
     for path in paths:
         if path is None:
             continue
+        if path.resolve() in taken:
+            raise FileError(path, "expected a file of its own to write, found one that is read, or written already")
+        taken.add(path.resolve())
         if path.is_dir():
             raise FileError(path, "expected a file to write, found a folder")
         if not path.parent.is_dir():

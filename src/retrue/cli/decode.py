@@ -56,7 +56,7 @@ class Decode(Command):
         from retrue.files.points import write_points
         from retrue.plain_json import plain
 
-        require_writable(self.out)
+        require_writable(self.out, made_of=(self.capture, self.pattern))
         if self.debug is not None:
             from retrue.report.pictures import require_matplotlib
 

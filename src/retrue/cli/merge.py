@@ -56,7 +56,7 @@ class Merge(Command):
         from retrue.merging.surface import require_meshing
 
         require_libraries()
-        require_writable(self.out, self.mesh)
+        require_writable(self.out, self.mesh, made_of=self.clouds)
         if len(self.clouds) < 2:
             raise InputError(f"merge: expected two CLOUDs or more, found {len(self.clouds)}")
         clouds = [self._read(path) for path in self.clouds]

@@ -70,7 +70,7 @@ class Recalibrate(PhotographCommand):
 
         if (self.out is None) == (not self.in_place):
             raise InputError("expected one of --out NEW.json and --in-place")
-        require_writable(self.rig if self.in_place else self.out, self.report)
+        require_writable(self.rig if self.in_place else self.out, self.report, made_of=(*self.captures, self.pattern))
         rig = read_rig(self.rig)
         captures = self.read(rig, self.captures, self.pattern)
         start = time.perf_counter()

@@ -104,7 +104,8 @@ class Reconstruct(PhotographCommand):
         from retrue.reconstruction.mesh import make_mesh
         from retrue.reconstruction.reconstruct import reconstruct
 
-        require_writable(self.out, self.mesh, self.depth, self.cad, self.report)
+        made_of = (self.rig, *self.captures, self.pattern)
+        require_writable(self.out, self.mesh, self.depth, self.cad, self.report, made_of=made_of)
         rig = read_rig(self.rig)
         capture, dense = self._one_capture(rig)
         self._require_formats(rig.unit)

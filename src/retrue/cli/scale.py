@@ -66,7 +66,7 @@ class Scale(ReportingCommand):
         from retrue.files.rigs import read_rig, write_rig
         from retrue.reconstruction.scale import scaled_rig
 
-        require_writable(self.out)
+        require_writable(self.out, made_of=(self.capture, self.pattern))
         kind, _, length = self.known.partition(":")
         if kind == "plane":
             raise InputError("--known: expected points, sphere or spheres, found plane: a plane has no length")

@@ -49,7 +49,7 @@ class Verify(PhotographCommand):
         from retrue.recalibration.axes import axes_of_verification
         from retrue.recalibration.verify import verify
 
-        require_writable(self.report)
+        require_writable(self.report, made_of=(self.rig, *self.captures, self.pattern))
         rig = read_rig(self.rig)
         captures = self.read(rig, self.captures, self.pattern)
         start = time.perf_counter()
