@@ -166,8 +166,7 @@ def _told(points: Correspondences, causes: Sequence[str], figures: Mapping[str, 
 
 
 def _read_all_the_same(sequence: ArrangedSequence, fault: SineFault) -> tuple[Correspondences, ArrangedSequence]:
-    """With the order, and without the gains and the share of the picture before, that were found; raises where that
-    cannot be."""
+    """In the order, without the gains and the share of the picture before, that were found; raises where it cannot."""
     if fault.spec is None:
         raise CaptureError(CAPTURE, "; ".join(fault.causes))
     pictures = sequence.pictures
@@ -391,8 +390,7 @@ def _advice(sequence: ArrangedSequence, lit: int, rejected: Mapping[str, int]) -
 
 
 def _gamma_is_hidden(spec: FrameSequence, axis: int) -> bool:
-    """Whether an axis is told by one sine of three shifts alone, over the whole projector: gamma bends its phases as
-    another surface would."""
+    """Whether an axis is told by one broad sine of three shifts alone: gamma bends its phases as a surface would."""
     sines = spec.sines(axis)
     return (
         spec.gray(axis) is None
