@@ -135,6 +135,14 @@ def test_a_known_distance_gives_the_scale() -> None:
     result = accepted(recalibrate(NEAR, [points], RecalibrateOptions(known_distance=known)))
     length = np.linalg.norm(result.rig.projector_from_camera.t)
     assert length == pytest.approx(np.linalg.norm(POSE.t), rel=2e-3)
+    for stretch in (1.0, 3.0):  # a rig that holds keeps its pose, but not the length of t that is told to be another
+        pose = replace(POSE, t=stretch * POSE.t)
+        rig = replace(RIG, projector_from_camera=pose, evidence={"covariance": (1e-8 * np.eye(5)).tolist()})
+        held = accepted(recalibrate(rig, [points], RecalibrateOptions(known_distance=known)))
+        assert not held.unchanged
+        np.testing.assert_array_equal(held.rig.projector_from_camera.R, POSE.R)
+        assert np.linalg.norm(held.rig.projector_from_camera.t) == pytest.approx(np.linalg.norm(POSE.t), rel=2e-3)
+        assert held.rig.evidence["scale_sigma"] == 0
     outside = KnownDistance(np.array([-500.0, 0.0]), second, 1.0)
     with pytest.raises(InputError, match="found none"):
         recalibrate(FAR, [points], RecalibrateOptions(known_distance=outside))

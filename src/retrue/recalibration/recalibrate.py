@@ -10,6 +10,7 @@ import numpy as np
 from retrue.correspondences import Correspondences, require_captures
 from retrue.errors import DegenerateError, require_kind
 from retrue.geometry.arrays import FloatArray, finite_array
+from retrue.geometry.transform import RigidTransform
 from retrue.rasters import check_captures
 from retrue.recalibration.drift import holds
 from retrue.recalibration.judge import Judgement, objection
@@ -32,7 +33,7 @@ from retrue.recalibration.result import (
     working_distance,
 )
 from retrue.recalibration.scale import translation_length
-from retrue.rig import Rig, require_baseline, require_rig
+from retrue.rig import Rig, require_baseline, require_rig, rescaled
 
 
 def recalibrate(
@@ -75,9 +76,19 @@ def recalibrate(
     cause = objection(judgement, evidence.sigma, evidence.working_distance, options)
     if cause is not None:
         return Refused(cause, evidence)
-    if judgement.lens.verdict != "changed" and holds(rig, judgement, evidence, options):
-        return Accepted(rig, "the rig still holds, and its pose is known better", evidence, unchanged=True)
+    same = rig if options.known_distance is None else _as_long_as(evidence.pose, rig, evidence.scale)
+    if judgement.lens.verdict != "changed" and holds(same, judgement, evidence, options):
+        length = "" if same is rig else "; t is as long as the known distance has it"
+        return Accepted(
+            same, f"the rig still holds, and its pose is known better{length}", evidence, unchanged=same is rig
+        )
     return Accepted(_new_rig(rig, judgement, evidence), f"resolved by {evidence.resolved_by}", evidence)
+
+
+def _as_long_as(pose: RigidTransform | None, rig: Rig, how: str) -> Rig:
+    """The rig's own pose, t as long as that of another, which is taken for exact."""
+    own = float(np.linalg.norm(rig.projector_from_camera.t))
+    return rig if pose is None else rescaled(rig, float(np.linalg.norm(pose.t)) / own, how, 0.0)
 
 
 def _evidence(rig: Rig, judgement: Judgement, total: int, options: RecalibrateOptions) -> Evidence:

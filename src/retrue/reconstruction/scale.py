@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import Any, cast
+from typing import cast
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -14,10 +14,8 @@ from retrue.geometry.robust import MAD_TO_SIGMA
 from retrue.geometry.sphere import sphere_through
 from retrue.ranges import require_number
 from retrue.reconstruction.cloud import Cloud, require_cloud
-from retrue.reconstruction.uncertainty import rig_covariance
-from retrue.rig import Rig, require_rig
+from retrue.rig import Rig, require_rig, rescaled
 
-LOG_LENGTH = 5  # of the rig's numbers: log |t|
 FARTHEST_PX = 30.0  # that a click may lie from the next point
 NEAREST = 12  # points about a click that tell where it lies
 SEED = 40  # points about a click that a ball is first fitted to
@@ -130,16 +128,7 @@ def scaled_rig(rig: Rig, scale: Scale) -> Rig:
     """
     require_rig(rig)
     require_kind(scale, Scale, "scale", "retrue.scale_from_points makes one")
-    pose = rig.projector_from_camera
-    evidence: dict[str, Any] = {**rig.evidence, "scale": scale.how, "scale_sigma": scale.sigma}
-    if "rig_covariance" in evidence:
-        whole = rig_covariance(rig).copy()
-        whole[LOG_LENGTH], whole[:, LOG_LENGTH] = 0.0, 0.0
-        whole[LOG_LENGTH, LOG_LENGTH] = scale.sigma**2
-        evidence["rig_covariance"] = whole.tolist()
-    if isinstance(evidence.get("working_distance"), int | float):
-        evidence["working_distance"] *= scale.factor
-    return replace(rig, projector_from_camera=replace(pose, t=pose.t * scale.factor), evidence=evidence)
+    return rescaled(rig, scale.factor, scale.how, scale.sigma)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
