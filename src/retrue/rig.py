@@ -3,19 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
 
 from retrue.errors import DegenerateError, require_kind
-from retrue.geometry.arrays import finite_array
 from retrue.geometry.camera import Camera
 from retrue.geometry.transform import RigidTransform
 from retrue.shown import ShortRepr, Shown, in_space
 from retrue.values import ByValue
-
-LOG_LENGTH, NUMBERS = 5, 14  # log |t| among the rig's numbers, of which `rig_covariance` (14, 14) is
 
 
 @dataclass(frozen=True, slots=True, eq=False, repr=False)
@@ -65,17 +62,3 @@ def require_baseline(rig: Rig) -> None:
             "rig: expected a baseline, found t = 0, as if camera and projector were at one place; give t roughly, as"
             " measured: its length is the scale"
         )
-
-
-def rescaled(rig: Rig, factor: float, how: str, sigma: float) -> Rig:
-    """The rig with t so many times as long; its evidence tells by what, and its relative sigma."""
-    evidence: dict[str, Any] = {**rig.evidence, "scale": how, "scale_sigma": sigma}
-    if "rig_covariance" in evidence:
-        whole = finite_array(evidence["rig_covariance"], (NUMBERS, NUMBERS), "rig evidence, rig_covariance").copy()
-        whole[LOG_LENGTH], whole[:, LOG_LENGTH] = 0.0, 0.0
-        whole[LOG_LENGTH, LOG_LENGTH] = sigma**2
-        evidence["rig_covariance"] = whole.tolist()
-    if isinstance(evidence.get("working_distance"), int | float):
-        evidence["working_distance"] *= factor
-    pose = rig.projector_from_camera
-    return replace(rig, projector_from_camera=replace(pose, t=pose.t * factor), evidence=evidence)

@@ -13,8 +13,7 @@ import pytest
 
 from retrue import Camera, Correspondences, Rig, RigidTransform, write_points, write_rig
 from retrue.cli.main import main
-from tests.judged_once import judged_once
-from tests.lit_once import lit_once
+from tests.asked_once import judged_once, lit_once
 
 __all__ = ["judged_once", "lit_once"]
 

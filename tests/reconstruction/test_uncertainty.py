@@ -10,9 +10,9 @@ from retrue.correspondences import Correspondences
 from retrue.errors import InputError
 from retrue.reconstruction.options import ReconstructOptions
 from retrue.reconstruction.reconstruct import reconstruct
-from retrue.reconstruction.sensitivity import RIG_NUMBERS, moved_rig
-from retrue.reconstruction.uncertainty import rig_covariance, unstated
+from retrue.reconstruction.sensitivity import moved_rig
 from retrue.rig import Rig
+from retrue.rig_evidence import RIG_NUMBERS, rig_covariance, unstated
 from tests.reconstruction.scenes import RIG, scene
 
 STEP = np.array([1e-5] * 5 + [1e-4] + [1e-5, 1e-2, 1e-2, 1e-4] * 2)

@@ -1,5 +1,5 @@
 """Test after test begins with the same rig in the same scene."""
 
-from tests.lit_once import lit_once
+from tests.asked_once import lit_once
 
 __all__ = ["lit_once"]

@@ -33,7 +33,8 @@ from retrue.recalibration.result import (
     working_distance,
 )
 from retrue.recalibration.scale import translation_length
-from retrue.rig import Rig, require_baseline, require_rig, rescaled
+from retrue.rig import Rig, require_baseline, require_rig
+from retrue.rig_evidence import LOG_LENGTH, rescaled
 
 
 def recalibrate(
@@ -140,14 +141,15 @@ def _rig_covariance(judgement: Judgement, rig: Rig, options: RecalibrateOptions)
     """
     joint = judgement.answer.joint_covariance.copy()
     joint[:5, :5] += judgement.covariance - judgement.answer.covariance
-    whole = np.insert(np.insert(joint, 5, 0.0, axis=0), 5, 0.0, axis=1)
+    whole = np.insert(np.insert(joint, LOG_LENGTH, 0.0, axis=0), LOG_LENGTH, 0.0, axis=1)
     if options.known_distance is None:
         before = rig.evidence.get("rig_covariance")
         if before is None:
             scale = finite_array([rig.evidence.get("scale_sigma", 0.0)], (1,), "rig evidence, scale_sigma")
-            whole[5, 5] = scale[0] ** 2
+            whole[LOG_LENGTH, LOG_LENGTH] = scale[0] ** 2
         else:
-            whole[5, 5] = finite_array(before, whole.shape, "rig evidence, rig_covariance")[5, 5]
+            stated = finite_array(before, whole.shape, "rig evidence, rig_covariance")
+            whole[LOG_LENGTH, LOG_LENGTH] = stated[LOG_LENGTH, LOG_LENGTH]
     return whole
 
 

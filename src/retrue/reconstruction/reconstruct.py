@@ -26,8 +26,9 @@ from retrue.reconstruction.quantised import between_readings, quantisation_px
 from retrue.reconstruction.rim import find_rim
 from retrue.reconstruction.smooth import smoothed
 from retrue.reconstruction.surface_grid import SurfaceGrid, surface_grid
-from retrue.reconstruction.uncertainty import Uncertainty, unstated
+from retrue.reconstruction.uncertainty import Uncertainty
 from retrue.rig import Rig, require_baseline, require_rig
+from retrue.rig_evidence import unstated
 
 FEW = 500  # points that tell what all have in common
 FINEST_RESIDUAL_PX = 0.01  # rays that pass each other by less than this are no outliers, whatever the rest do

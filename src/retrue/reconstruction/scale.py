@@ -14,7 +14,8 @@ from retrue.geometry.robust import MAD_TO_SIGMA
 from retrue.geometry.sphere import sphere_through
 from retrue.ranges import require_number
 from retrue.reconstruction.cloud import Cloud, require_cloud
-from retrue.rig import Rig, require_rig, rescaled
+from retrue.rig import Rig, require_rig
+from retrue.rig_evidence import rescaled
 
 FARTHEST_PX = 30.0  # that a click may lie from the next point
 NEAREST = 12  # points about a click that tell where it lies

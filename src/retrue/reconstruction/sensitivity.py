@@ -1,6 +1,6 @@
 """How a triangulated point moves with the pixels that it was measured from, and with the rig.
 
-A point X is seen at the pixels h(X, q) of both devices, (4,), where q are the rig's own numbers. `reconstruct` answers
+A point X is seen at the pixels h(X, q) of both devices, (4,), where q are the `RIG_NUMBERS`. `reconstruct` answers
 the X whose rays lie nearest to the measured ones, in pixels of the mean focal length of each device. So, linearised
 there, with A = dh / dX and M such rays by pixels,
 
@@ -18,11 +18,7 @@ from retrue.geometry.camera import Camera
 from retrue.geometry.transform import RigidTransform
 from retrue.geometry.two_view import tangent_basis
 from retrue.rig import Rig
-
-POSE, LENS = 6, 4
-RIG_NUMBERS = POSE + 2 * LENS
-"""q: rotation (3) about the projector's axes, direction of t (2) in its `tangent_basis`, log |t|; of camera and then
-projector the log of the focal length, the principal point (2) in px, and k1."""
+from retrue.rig_evidence import LENS, POSE, RIG_NUMBERS
 
 
 def pixels_by_point(rig: Rig, points: FloatArray, axes: tuple[int, ...]) -> FloatArray:

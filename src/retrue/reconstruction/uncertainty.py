@@ -8,10 +8,10 @@ from typing import Literal
 
 import numpy as np
 
-from retrue.errors import InputError
-from retrue.geometry.arrays import BoolArray, FloatArray, IntArray, finite_array
-from retrue.reconstruction.sensitivity import LENS, POSE, RIG_NUMBERS, pixels_by_rig, point_by_pixels
+from retrue.geometry.arrays import BoolArray, FloatArray, IntArray
+from retrue.reconstruction.sensitivity import pixels_by_rig, point_by_pixels
 from retrue.rig import Rig
+from retrue.rig_evidence import RIG_NUMBERS, rig_covariance
 from retrue.values import ByValue
 
 Errors = Literal["own", "common", "all"]
@@ -108,51 +108,11 @@ def pixel_variances(
     return np.stack([camera**2, camera**2, *both], axis=1)
 
 
-def rig_covariance(rig: Rig) -> FloatArray:
-    """(14, 14) of the rig's numbers, as `sensitivity` names them; from its evidence, zero where that says nothing.
-
-    `rig_covariance` holds all of it, as `retrue calibrate` writes it. Else the pose's `covariance` (5, 5), the
-    `lens_covariance` (8, 8), and the relative `scale_sigma` of |t|, each as if it erred by itself.
-
-    Raises
-    ------
-    InputError : one of them is no covariance.
-    """
-    whole = rig.evidence.get("rig_covariance")
-    if whole is not None:
-        return _checked(whole, RIG_NUMBERS, "rig_covariance")
-    found = np.zeros((RIG_NUMBERS, RIG_NUMBERS))
-    for name, first, size in (("covariance", 0, POSE - 1), ("lens_covariance", POSE, 2 * LENS)):
-        stated = rig.evidence.get(name)
-        if stated is not None:
-            found[first : first + size, first : first + size] = _checked(stated, size, name)
-    scale = rig.evidence.get("scale_sigma")
-    if scale is not None:
-        found[POSE - 1, POSE - 1] = float(finite_array([scale], (1,), "rig evidence, scale_sigma")[0]) ** 2
-    return found
-
-
-def unstated(rig: Rig) -> tuple[str, ...]:
-    """Which of "pose", "lenses" and "scale" the rig says nothing of, so that they count as exact."""
-    if rig.evidence.get("rig_covariance") is not None:
-        return ()
-    keys = {"pose": "covariance", "lenses": "lens_covariance", "scale": "scale_sigma"}
-    return tuple(what for what, key in keys.items() if rig.evidence.get(key) is None)
-
-
 def covariance_root(covariance: FloatArray) -> FloatArray:
     """(P, K) with S S^T = covariance (P, P), of as many columns as it has directions that vary."""
     values, vectors = np.linalg.eigh(covariance)
     kept = values > NEGLIGIBLE * max(float(values[-1]), 0.0)
     return vectors[:, kept] * np.sqrt(values[kept])
-
-
-def _checked(value: object, size: int, name: str) -> FloatArray:
-    covariance = finite_array(value, (size, size), f"rig evidence, {name}")  # pyright: ignore[reportArgumentType]
-    values = np.linalg.eigvalsh(covariance)
-    if not values[0] >= -1e-9 * max(float(values[-1]), 0.0):
-        raise InputError(f"rig evidence, {name}: expected a covariance, found eigenvalues that are negative")
-    return (covariance + covariance.T) / 2
 
 
 def _by_blocks(count: int, row: tuple[int, ...], function: Callable[[slice], FloatArray]) -> FloatArray:

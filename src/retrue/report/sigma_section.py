@@ -9,11 +9,11 @@ import numpy as np
 from retrue.capture import Capture
 from retrue.reconstruction.cloud import Cloud
 from retrue.reconstruction.error_by_distance import error_by_distance
-from retrue.reconstruction.uncertainty import unstated
 from retrue.report.figures import every, numbers, picture_layout, with_color_bar
 from retrue.report.lengths import LengthUnit, shown_unit
 from retrue.report.page import Block, Chart, Section, Table, Text
 from retrue.rig import Rig
+from retrue.rig_evidence import unstated
 from retrue.shown import figures
 
 MOST_POINTS = 4000  # drawn; more only hide the photograph
