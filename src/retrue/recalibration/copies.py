@@ -10,6 +10,7 @@ from retrue.geometry.arrays import BoolArray, FloatArray, IntArray
 from retrue.geometry.robust import quantile, within_reach_of_mode
 from retrue.geometry.two_view import FREE
 from retrue.kernels import robust as robust_kernel
+from retrue.recalibration.costs import worth_of
 from retrue.recalibration.parts import (
     A_COPY,
     ALIKE,
@@ -45,28 +46,30 @@ def _shifted_copy(posterior: Posterior, outside: BoolArray, rows: IntArray, plan
     focals = measured.rig.projector.K[0, 0], measured.rig.camera.K[0, 0]
     sigma = sigma_of(points.select(rows))
     noise = 4 * float(quantile(sigma, 0.5) * posterior.fit.along_noise.total)
-    found: list[tuple[BoolArray, FloatArray, int, int]] = []
+    found: list[Part] = []
+
+    def take(mode: BoolArray, missed: FloatArray, parameters: int, plane: int) -> None:
+        """Of `missed` (rows, 2); what lies between a plane's points is a copy of these, not of what it is itself."""
+        count = int(np.count_nonzero(mode))
+        if count < FEWEST_OF_A_COPY:
+            return
+        copied = np.count_nonzero((points.plane_index == plane) & ~outside)
+        copy = np.zeros(len(outside), dtype=np.bool_)
+        copy[rows[mode]] = True
+        relative: FloatArray = missed[mode] / sigma[mode, None]
+        seldom = max(0.0, 1 - copied / count)
+        found.append(Part(A_COPY, copy, parameters, relative, level_of(relative), seldom=seldom))
+
     for seen in planes:
         for axis in range(2 if measured.textured else 0):
             mode, missed = _stepped(seen, axis, noise)
-            found.append((mode, missed, 3, seen.plane))
+            take(mode, missed, 3, seen.plane)
         for shift, focal in zip(seen.pixels, focals, strict=True):
             mode = within_reach_of_mode(shift, CENTRES, noise * focal)
-            if np.count_nonzero(mode) < FEWEST_OF_A_COPY:
-                continue
-            middle = np.array([quantile(along, 0.5) for along in shift[mode].T])
+            middle = np.array([quantile(along, 0.5) for along in shift[mode].T]) if mode.any() else np.zeros(2)
             if np.abs(middle).max() > noise * focal:  # what lies where the plane has it is no copy
-                found.append((mode, (shift - middle) / focal, 2, seen.plane))
-    nothing = np.zeros(len(rows), dtype=np.bool_), np.empty((0, 2)), 0, 0
-    mode, missed, parameters, index = max(found, key=lambda one: np.count_nonzero(one[0]), default=nothing)
-    count = int(np.count_nonzero(mode))
-    if count < FEWEST_OF_A_COPY:
-        return None
-    copied = np.count_nonzero((points.plane_index == index) & ~outside)
-    copy = np.zeros(len(outside), dtype=np.bool_)
-    copy[rows[mode]] = True
-    relative: FloatArray = missed[mode] / sigma[mode, None]
-    return Part(A_COPY, copy, parameters, relative, level_of(relative), seldom=max(0.0, 1 - copied / count))
+                take(mode, (shift - middle) / focal, 2, seen.plane)
+    return max(found, key=lambda copy: worth_of(copy, posterior), default=None)
 
 
 def _stepped(seen: PlaneShifts, axis: int, noise: float) -> tuple[BoolArray, FloatArray]:
