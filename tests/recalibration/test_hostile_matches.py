@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from benchmarks.photograph_matches import matches, scene_rig
 from retrue.correspondences import Card, Correspondences
 from retrue.geometry.camera import Camera
 from retrue.geometry.transform import RigidTransform, direction_angle, rotation_angle
@@ -149,3 +150,22 @@ def test_a_plane_stays_that_a_pose_believes_which_beats_the_best_one(monkeypatch
     points = scene(random)
     found = judge(OLD, [replace(matched(points, points, random), card=None)], RecalibrateOptions())
     assert len(found.answer.pose.planes) > 0
+
+
+@pytest.mark.parametrize(
+    ("seed", "pair"),
+    [
+        (1000003, 13),  # copies were taken for a shift of a plane through themselves, which holds one more of them
+        (1000005, 1939),  # held for copies by the best explanation, they led the fit to all points
+    ],
+)
+def test_a_print_on_a_far_wall_does_not_lead_the_pose(seed: int, pair: int) -> None:
+    random = np.random.default_rng([seed, pair])
+    rig = scene_rig(random)
+    points = matches(rig, "repeated print", random)
+    moved = RigidTransform.from_rotation_vector(np.radians([0.3, -0.2, 0.4]), [0, 0, 0])
+    result = recalibrate(replace(rig, projector_from_camera=moved @ rig.projector_from_camera), [points])
+    assert isinstance(result, Accepted), result.reason
+    true, found = rig.projector_from_camera, result.rig.projector_from_camera
+    assert rotation_angle(found.R @ true.R.T) < 3 * np.radians(result.evidence.sigma.rotation_deg)
+    assert direction_angle(found.t, true.t) < 3 * np.radians(result.evidence.sigma.translation_deg)

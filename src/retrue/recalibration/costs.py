@@ -86,8 +86,8 @@ def explained_costs(posterior: Posterior, floor: Floor, asides: Sequence[Part]) 
     return found, price, parts
 
 
-def has_copies(posterior: Posterior) -> bool:
-    """Whether some points are explained so much better as a copy of a plane that it is worth its price."""
+def copies_that_pay(posterior: Posterior) -> list[Part]:
+    """Those whose points are explained so much better as a copy of a plane that it is worth its price."""
     floor = Floor.of([posterior])
     found = costs(posterior, floor)
 
@@ -95,7 +95,7 @@ def has_copies(posterior: Posterior) -> bool:
         explained = _costs_of_part(copy, posterior, floor, anywhere_along(copy, posterior))
         return float(np.maximum(found[copy.rows] - explained, 0.0).sum())
 
-    return any(gain(part) > price_of(part) for part in posterior.parts if part.name == A_COPY)
+    return [part for part in posterior.parts if part.name == A_COPY and gain(part) > price_of(part)]
 
 
 def mean_cost_across(fit: PoseFit, least: float) -> float:

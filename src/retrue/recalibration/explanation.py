@@ -11,7 +11,7 @@ from retrue.geometry.arrays import BoolArray
 from retrue.geometry.two_view import TwoViewPose
 from retrue.recalibration.bent_planes import bent_planes
 from retrue.recalibration.consensus import quieter_majorities
-from retrue.recalibration.costs import has_copies
+from retrue.recalibration.costs import copies_that_pay
 from retrue.recalibration.curved_surfaces import curved_of, curved_rival, surfaces_of
 from retrue.recalibration.doubtful_planes import (
     better_without_planes,
@@ -170,7 +170,7 @@ def _doubted(scene: Scene, beliefs: Beliefs, found: Explanation, rng: np.random.
     bent = None
     if not (scene.photographs or gone.any() or scene.curved.any()):
         bent = curved_rival(best, beliefs.old)
-    if scene.photographs and not gone.any() and not has_copies(best):
+    if scene.photographs and not gone.any() and not copies_that_pay(best):
         gone = needless_planes(best, lens.kept)  # without its plane, a copy would be another surface
     free = [] if gone.any() and not changed else better_without_planes(best, scene.noise, rng)
     if changed:

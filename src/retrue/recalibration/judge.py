@@ -13,6 +13,7 @@ from retrue.geometry.transform import direction_angle, rotation_angle
 from retrue.recalibration.all_points import apart_as_chosen, pulled_away, settled, without_strays
 from retrue.recalibration.contradiction import MOST_DEVIATIONS, differing_capture
 from retrue.recalibration.copies import shifted_copy
+from retrue.recalibration.costs import copies_that_pay
 from retrue.recalibration.explanation import Beliefs, explained
 from retrue.recalibration.lens import LENS_NAMES, LENS_PARAMETERS
 from retrue.recalibration.lens_evidence import LensEvidence
@@ -144,7 +145,7 @@ def _of_all_points(scene: Scene, best: Posterior, part: Part | None, prior: Prio
     """The best hypothesis fitted to all points but those of other parts. Undecidable where too few agree with it."""
     whole, options = scene.measured_of_all(), scene.options
     answer = posterior_at(whole, best.parameters, prior)
-    others = parts_apart(answer, part)
+    others = [*parts_apart(answer, part), *copies_that_pay(answer)]
     for other in others:
         whole = set_aside(whole, other)
     answer = posterior_at(whole, best.parameters, prior) if others else answer
