@@ -24,7 +24,7 @@ from retrue.recalibration.doubtful_planes import (
 from retrue.recalibration.fit import own_pose
 from retrue.recalibration.hypotheses import hypotheses_of, without_parts
 from retrue.recalibration.lens import LensPrior, stated_prior, wide_prior
-from retrue.recalibration.lens_evidence import LensEvidence, held_instead, hidden_by_planes, lens_evidence
+from retrue.recalibration.lens_evidence import BEATS, LensEvidence, held_instead, hidden_by_planes, lens_evidence
 from retrue.recalibration.options import RecalibrateOptions
 from retrue.recalibration.parameters import Parameters, Prior
 from retrue.recalibration.parts import Part, belongs_to, most_unexplained, other_parts
@@ -32,6 +32,8 @@ from retrue.recalibration.posterior import Posterior, same_answer
 from retrue.recalibration.rivals import Rival, ranked, rivals_of
 from retrue.recalibration.scene import Scene
 from retrue.rig import Rig
+
+MOST_UNBEATEN = 2  # rivals from which free lenses begin, too
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -145,7 +147,8 @@ def _compared(
             asides += more
             best, rivals = ranked(compared, measured, few, light, old, asides, rng)
     part = most_unexplained(asides, best)
-    lens = lens_evidence(measured, homographies, best, part, tight, wide, old, searched, changed)
+    unbeaten = [rival.posterior for rival in rivals[:MOST_UNBEATEN] if 2 * rival.margin < BEATS]
+    lens = lens_evidence(measured, homographies, best, unbeaten, part, tight, wide, old, searched, changed)
     if (held := held_instead(lens, compared, asides)) is not None:
         lens = replace(lens, verdict="unchecked")
         if held is not best:

@@ -188,14 +188,13 @@ def objection(
     if judgement.misread is not None:
         return judgement.misread
     if lens.verdict == "changed" and options.lens != "refit":
-        clearest = int(np.argmax(np.abs(lens.change) / lens.sigma))
-        device, what = divmod(clearest, LENS_PARAMETERS)
-        amount = float(lens.change[clearest])
+        device, what = divmod(lens.clearest, LENS_PARAMETERS)
+        amount = float(lens.change[lens.clearest])
         return LensChanged(
             ("camera", "projector")[device],
             LENS_NAMES[what],
             float(np.expm1(amount)) if what == 0 else amount,
-            float(lens.sigma[clearest]),
+            float(lens.sigma[lens.clearest]),
             lens.gain,
         )
     if not (share >= 1 - options.max_outliers and level <= options.max_noise_px):

@@ -24,6 +24,7 @@ from retrue.recalibration.measured import MISFIT_PX
 from retrue.recalibration.parameters import Parameters, Prior
 from retrue.recalibration.parts import LOUD, Part, plane_levels
 from retrue.recalibration.posterior import Measured, Posterior, fit_posterior, posterior_at
+from retrue.recalibration.reasons import CLEAR
 from retrue.recalibration.rivals import move_deg, move_nats
 
 KNOWN_FOCAL = 0.01
@@ -62,11 +63,24 @@ class LensEvidence:
     posterior: Posterior | None = None
     others: tuple[Posterior, ...] = ()
 
+    @property
+    def clearest(self) -> int:
+        """Which of the eight numbers changed most clearly; where none did by itself, the one that alone explains most.
+
+        With L the information on lenses and c the change, one number alone gains (L c)_i^2 / L_ii of c^T L c.
+        """
+        clear = np.abs(self.change) / self.sigma
+        if self.posterior is None or clear.max() >= CLEAR:
+            return int(np.argmax(clear))
+        told = np.linalg.inv(self.posterior.lens_covariance)
+        return int(np.argmax((told @ self.change) ** 2 / np.diag(told)))
+
 
 def lens_evidence(
     measured: Measured,
     homographies: list[FloatArray],
     best: Posterior,
+    unbeaten: Sequence[Posterior],
     part: Part | None,
     tight: LensPrior,
     wide: LensPrior,
@@ -77,7 +91,7 @@ def lens_evidence(
     """Fit again with free lenses where that could gain something; else what it would say is at hand.
 
     The same through the rig's own lenses begins at the best, where free ones lead, and at what was `searched`; free
-    ones begin where they were found `changed` before, too.
+    ones begin at what it has left `unbeaten`, too, and where they were found `changed` before.
     """
     real = replace(measured, misfit=MISFIT_PX)
     pull, told, gain = _asked(posterior_at(real, best.parameters, best.prior), tight, wide)
@@ -88,15 +102,15 @@ def lens_evidence(
     elsewhere = _shares_an_error(best) or not best.fit.epipolar_noise.level < min(LOUD * quiet, 1.0)
     elsewhere = elsewhere or part is not None or best.measured.aside is not None  # both may be right, through others
     posterior, others = None, ()
-    apart = _with_each_alone(measured, best, tight, wide)
-    if gain > DOUBTFUL_GAIN or elsewhere or apart is not None or moved > FAR_MOVE_DEG:
+    apart = [_with_each_alone(measured, fit, tight, wide) for fit in (best, *unbeaten)]
+    led = [start for start in apart if start is not None]
+    if gain > DOUBTFUL_GAIN or elsewhere or led or moved > FAR_MOVE_DEG:
         real, free = replace(measured, misfit=untold_misfit(measured)), Prior(wide, free=True)
-        starts = [(best.parameters, 30), *((start, 30) for start in changed)]
-        if not measured.textured:  # what photographs' lenses leave over looks like another lens, a little further off
-            with suppress(DegenerateError):
-                starts.append((drawn_in(real, best.parameters, free), 30))
-        if apart is not None:
-            starts.append((apart, 30))
+        at_hand = [best.parameters, *changed, *(fit.parameters for fit in unbeaten), *led]
+        starts = [(start, 30) for start in at_hand]
+        for fit in (best, *unbeaten) if not measured.textured else ():
+            with suppress(DegenerateError):  # what photographs' lenses leave over looks like another, a little further
+                starts.append((drawn_in(real, fit.parameters, free), 30))
         if elsewhere or moved > FAR_MOVE_DEG:  # through other lenses, another pose may be it
             for lens, pose in scaled_starts(measured.support.points, homographies, 3):
                 starts.append((Parameters.of(pose, lens), 25))
@@ -137,7 +151,7 @@ def held_instead(lens: LensEvidence, fits: Sequence[Posterior], asides: Sequence
     least_held = int(np.argmin(held))
     if held[least_held] < changed:
         return fits[least_held]
-    gains = [_preferred(one, lens.posterior, None, 0.0) for one in seen]
+    gains = [_preferred(one, lens.posterior, None, _louder(one, lens.posterior)) for one in seen]
     least_held = int(np.argmin(gains))
     return fits[least_held] if gains[least_held] < 0 else None
 
@@ -174,6 +188,13 @@ def _with_each_alone(measured: Measured, best: Posterior, tight: LensPrior, wide
         return None
 
 
+def _louder(held: Posterior, free: Posterior) -> float:
+    """Chi-square that its louder noise costs, of all that it explains: 2 log(s / s') of each residual."""
+    counts = (held.fit.robust_weights > 0).sum(axis=1)
+    levels = [(one.level / other.level) for one, other in zip(held.fit.noises, free.fit.noises, strict=True)]
+    return float(2 * counts @ np.log(np.maximum(levels, 1.0)))
+
+
 def hidden_by_planes(best: Posterior, part: Part | None, tight: LensPrior, wide: LensPrior, old: TwoViewPose) -> bool:
     """Whether lenses changed by what points say across their epipolar lines alone, where the planes fit badly.
 
@@ -186,7 +207,7 @@ def hidden_by_planes(best: Posterior, part: Part | None, tight: LensPrior, wide:
     measured = best.measured.without_planes(gone)
     try:
         alone = fit_posterior(measured, best.parameters.without_planes(gone), best.prior, 6)
-        return lens_evidence(measured, [], alone, part, tight, wide, old).verdict == "changed"
+        return lens_evidence(measured, [], alone, (), part, tight, wide, old).verdict == "changed"
     except DegenerateError:
         return False
 
