@@ -4,6 +4,8 @@ import numpy as np
 import pytest
 
 from retrue import Correspondences, InputError
+from retrue.correspondences import require_each_once
+from retrue.errors import CaptureError
 
 POINTS = Correspondences(
     [[1, 2], [3, 4]],
@@ -48,3 +50,15 @@ def test_rasters_are_shown():
 def test_what_they_cannot_be(wrong, said):
     with pytest.raises(InputError, match=said):
         Correspondences([[1, 2], [3, 4]], [[1, 2], [3, 4]], **wrong)
+
+
+def test_a_capture_is_handed_in_once_whatever_the_order_of_its_points():
+    again = Correspondences(POINTS.camera_px[::-1], POINTS.projector_px[::-1])
+    other = Correspondences(POINTS.camera_px + np.array([[0, 0], [0, 1e-12]]), POINTS.projector_px)
+    columns = Correspondences(POINTS.camera_px, POINTS.projector_px * [1, np.nan])
+    with pytest.raises(CaptureError, match="c: holds the same points as a"):
+        require_each_once([("a", POINTS), ("b", other), ("c", again)])
+    with pytest.raises(CaptureError, match="b: holds the same points as a"):
+        require_each_once([("a", columns), ("b", columns)])
+    none = POINTS.select(np.zeros(2, bool))
+    require_each_once([*zip("abcde", [POINTS, other, columns, none, none], strict=True)])

@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any, Literal, TypeVar
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -14,6 +14,8 @@ from retrue.errors import CaptureError, InputError, require_kind, require_kinds
 from retrue.geometry.arrays import BoolArray, FloatArray, IntArray, finite_array, frozen_array, whole_size
 from retrue.shown import ShortRepr, Shown, counted
 from retrue.values import ByValue
+
+T = TypeVar("T")
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -193,6 +195,38 @@ def require_captures(values: object) -> None:
     require_kinds(values, Correspondences, "captures", READERS)
     if not values:
         raise InputError("captures: expected at least one, found none")
+
+
+def require_each_once(captures: Sequence[tuple[str | Path, Correspondences]]) -> None:
+    """A `CaptureError` where captures, by name, hold the same points: noise repeats in none that was taken again."""
+    if repeated := repeated_in([points for _, points in captures], same_points):
+        first, second = (captures[index][0] for index in repeated[0])
+        raise CaptureError(
+            second, f"holds the same points as {first}, and would count twice: hand in each capture once"
+        )
+
+
+def repeated_in(values: Sequence[T], same: Callable[[T, T], bool]) -> list[tuple[int, int]]:
+    """(first, again) for each of the values that is the same as one before it.
+
+    >>> repeated_in([3, 4, 3, 3], lambda one, other: one == other)
+    [(0, 2), (0, 3)]
+    """
+    found: list[tuple[int, int]] = []
+    for again, value in enumerate(values):
+        first = next((index for index in range(again) if same(values[index], value)), again)
+        found += [(first, again)] if first < again else []
+    return found
+
+
+def same_points(one: Correspondences, other: Correspondences) -> bool:
+    """Whether they hold the same matches to the last bit, some at least, in any order."""
+    return 0 < len(one) == len(other) and np.array_equal(_sorted(one), _sorted(other), equal_nan=True)
+
+
+def _sorted(points: Correspondences) -> FloatArray:
+    rows = np.hstack([points.camera_px, points.projector_px])
+    return rows[np.lexsort(rows.T)]
 
 
 READERS = "retrue.read_capture decodes pictures, retrue.read_points reads a table"

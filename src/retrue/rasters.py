@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from retrue.answers import Reason
-from retrue.correspondences import Correspondences, require_both_axes
+from retrue.correspondences import Correspondences, require_both_axes, require_each_once
 from retrue.errors import CaptureError
 from retrue.geometry.arrays import FloatArray
 from retrue.geometry.nearest import nearest_of_all
@@ -27,10 +27,13 @@ MOST_OUTSIDE = 0.01
 
 
 def check_captures(rig: Rig, captures: Sequence[Correspondences]) -> None:
-    """`check_rasters` of each, by its place in the list; a pose asks for both projector coordinates, too."""
-    for index, points in enumerate(captures):
-        check_rasters(rig, points, f"captures[{index}]")
-        require_both_axes(points, f"captures[{index}]")
+    """`check_rasters` of each, by its place in the list; a pose asks for both projector coordinates, too, and for each
+    capture once."""
+    named = [(f"captures[{index}]", points) for index, points in enumerate(captures)]
+    for name, points in named:
+        check_rasters(rig, points, name)
+        require_both_axes(points, name)
+    require_each_once(named)
 
 
 def check_rasters(rig: Rig, points: Correspondences, name: str | Path = "points") -> None:

@@ -18,7 +18,7 @@ from retrue.calibration.observations import View
 from retrue.calibration.options import CalibrationOptions
 from retrue.calibration.projector_corners import fit_projector_corners
 from retrue.calibration.result import Calibrated, RefusedCalibration
-from retrue.calibration.views import BoardCapture, LeftOut
+from retrue.calibration.views import BoardCapture, LeftOut, StereoCapture, see_views
 from retrue.correspondences import Correspondences
 from retrue.errors import InputError
 from retrue.files.rigs import read_rig, write_rig
@@ -184,6 +184,26 @@ def test_no_board_in_any_capture_is_refused_by_name() -> None:
     result = calibrate([blank], BOARD, (1024, 768))
     assert isinstance(result, RefusedCalibration)
     assert "dark: board not found: the picture is too dark" in result.reason
+
+
+def test_a_capture_counts_once_however_often_it_is_handed_in() -> None:
+    rng = np.random.default_rng(5)
+    pictures = rng.integers(0, 255, (2, 48, 64), np.uint8)
+    points = Correspondences(*rng.uniform(0, 40, (2, 30, 2)))
+    noisier = replace(points, camera_px=points.camera_px + 0.1)
+    single = [
+        BoardCapture(name, picture, seen)
+        for name, picture, seen in (
+            ("a", pictures[0], points),
+            ("taken again", pictures[1], noisier),
+            ("copy of a", pictures[0].copy(), replace(points)),
+        )
+    ]
+    pairs = [StereoCapture("p", *pictures), StereoCapture("turned", *pictures[::-1]), StereoCapture("q", *pictures)]
+    for captures, copy, first in ((single, "copy of a", "a"), (pairs, "q", "p")):
+        _, left_out = see_views(captures, BOARD, lambda message: None)
+        repeated = {one.name: one.reason for one in left_out if "counts once" in one.reason}
+        assert repeated == {copy: f"the same capture as {first}, which counts once"}
 
 
 def test_a_board_spec_that_no_picture_fits_is_refused(six: tuple[Rig, list[View]]) -> None:

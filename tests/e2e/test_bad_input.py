@@ -258,3 +258,14 @@ def test_no_answer_replaces_what_it_is_made_of_or_another(retrue, files, words, 
     kept = {path.name: path.read_bytes() for path in files.folder.iterdir()}
     retrue(*words.format(files.folder.name).split()).require_complaint("expected a file of its own to write")
     assert {path.name: path.read_bytes() for path in files.folder.iterdir()} == kept
+
+
+@pytest.mark.parametrize("job", ["recalibrate", "verify"])
+def test_a_capture_that_is_handed_in_twice_is_named(files, retrue, job):
+    copy = files.folder / "copy.csv"
+    copy.write_bytes(files.points.read_bytes())
+    out = ["--out", files.folder / "new.json"] if job == "recalibrate" else []
+    run = retrue(job, files.before, files.points, copy, *out)
+    run.require_complaint("copy.csv: holds the same points as ", "points.csv", "hand in each capture once")
+    retrue(job, files.before, files.points, files.points, *out).require_complaint("holds the same points as")
+    assert not (files.folder / "new.json").exists()

@@ -18,14 +18,18 @@ RIG = Rig(CAMERA, CAMERA, RigidTransform.from_rotation_vector([0.02, -0.06, 0.03
 
 
 def test_every_method_answers_on_every_pair(tmp_path: Path) -> None:
-    paths = tmp_path / "left.png", tmp_path / "right.png"
-    pair = photograph(RIG, textured_scene(RIG, 1200.0, seed=2), supersample=1)
-    write_png(paths[0], pair.left)
-    write_png(paths[1], pair.right)
-    read = read_pair(paths)
-    study = photographs(RIG, [read, read])
+    scene = textured_scene(RIG, 1200.0, seed=2)
+    pairs = []
+    for number in (1, 2):
+        paths = tmp_path / f"left{number}.png", tmp_path / f"right{number}.png"
+        pair = photograph(RIG, scene, supersample=1, seed=number - 1)
+        write_png(paths[0], pair.left)
+        write_png(paths[1], pair.right)
+        pairs.append(read_pair(paths))
+    read = pairs[0]
+    study = photographs(RIG, pairs)
     ours = study.table.where(method=OURS)
-    assert ours.column("pair") == ["left.png, right.png", "left.png, right.png", "first 2 together"]
+    assert ours.column("pair") == ["left1.png, right1.png", "left2.png, right2.png", "first 2 together"]
     assert all(error < 0.1 for error in ours.column("rotation_deg"))
     assert all(error > 0 for error in ours.column("rotation_deg"))  # not the rig's own pose, which is the truth here
     assert {"OpenCV essential", RECIPE} <= set(study.table.column("method"))

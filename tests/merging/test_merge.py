@@ -188,3 +188,9 @@ def test_a_mesh_has_cells_that_memory_allows(turn, merged, monkeypatch):
     assert 1000 < coarse < 0.7 * fine
     with pytest.raises(DegenerateError, match="take larger ones"):
         merged.mesh(0.5)
+
+
+def test_a_view_is_handed_in_once(turn):
+    first, second = turn[0][:2]
+    with pytest.raises(InputError, match="view 3: holds the same points as view 1"):
+        merge([first, second, first])

@@ -12,7 +12,7 @@ from retrue.calibration.board import Board
 from retrue.calibration.detection import BoardCorners, find_board
 from retrue.calibration.observations import View
 from retrue.calibration.projector_corners import fit_projector_corners
-from retrue.correspondences import Correspondences
+from retrue.correspondences import Correspondences, repeated_in, same_points
 from retrue.errors import InputError
 from retrue.geometry.arrays import FloatArray, Image, IntArray
 from retrue.rasters import check_alike
@@ -69,10 +69,17 @@ def picture_size(image: Image) -> tuple[int, int]:
 
 
 def see_views(captures: Sequence[Capture], board: Board, progress: Progress) -> tuple[list[View], list[LeftOut]]:
-    """A view of every capture that shows the board, and the captures that do not. Raises `InputError`."""
-    _require_one_size(captures)
+    """A view of every capture that shows the board, and the captures that do not, or repeat another.
 
-    def see(capture: Capture) -> View | LeftOut:
+    Raises `InputError`.
+    """
+    _require_one_size(captures)
+    repeated = {again: captures[first].name for first, again in repeated_in(captures, _same)}
+
+    def see(index: int) -> View | LeftOut:
+        capture = captures[index]
+        if index in repeated:
+            return LeftOut(capture.name, f"the same capture as {repeated[index]}, which counts once")
         progress(f"{capture.name}: looking for the board")
         try:
             if isinstance(capture, StereoCapture):
@@ -83,8 +90,17 @@ def see_views(captures: Sequence[Capture], board: Board, progress: Progress) -> 
             return LeftOut(capture.name, str(error))
 
     with ThreadPoolExecutor(2) as threads:
-        seen = list(threads.map(see, captures))
+        seen = list(threads.map(see, range(len(captures))))
     return [view for view in seen if isinstance(view, View)], [view for view in seen if isinstance(view, LeftOut)]
+
+
+def _same(one: Capture, other: Capture) -> bool:
+    """Whether two poses of the board are one: its pictures repeat to the last bit, and so do its points."""
+    if isinstance(one, StereoCapture) and isinstance(other, StereoCapture):
+        return np.array_equal(one.left, other.left) and np.array_equal(one.right, other.right)
+    if isinstance(one, BoardCapture) and isinstance(other, BoardCapture):
+        return np.array_equal(one.white, other.white) and same_points(one.points, other.points)
+    return False
 
 
 def projected_view(name: str, corners: BoardCorners, points: Correspondences, board: Board) -> View:

@@ -115,7 +115,7 @@ class ReportingCommand(Command):
 
         `one_coordinate`: columns or rows alone will do. `photographs`: keep them in any case.
         """
-        from retrue.correspondences import require_both_axes
+        from retrue.correspondences import require_both_axes, require_each_once
         from retrue.files.captures import pictures_size
         from retrue.rasters import check_extent, check_pattern, check_pictures, check_rasters
 
@@ -131,6 +131,7 @@ class ReportingCommand(Command):
             check_extent(rig, capture.points, path)
             if not one_coordinate:
                 require_both_axes(capture.points, path)
+        require_each_once([(path, capture.points) for path, capture in zip(captures, read, strict=True)])
         return read
 
 

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from retrue.answers import Reason
+from retrue.correspondences import repeated_in
 from retrue.errors import DegenerateError, InputError, require_kind, require_kinds, require_names
 from retrue.geometry.arrays import FloatArray
 from retrue.geometry.transform import RigidTransform
@@ -179,7 +180,8 @@ def merge(
 
     Raises
     ------
-    InputError : fewer than two clouds, clouds of several units, or the libraries of `.[merge]` are not installed.
+    InputError : fewer than two clouds, one of them twice, clouds of several units, or the libraries of `.[merge]` are
+        not installed.
     """
     require_kinds(clouds, Cloud, "clouds", "retrue.reconstruct makes them")
     options = MergeOptions() if options is None else options
@@ -197,6 +199,10 @@ def merge(
     clouds = [cloud.select(np.flatnonzero(np.isfinite(cloud.points).all(axis=1))) for cloud in clouds]
     for name, cloud in zip(names, clouds, strict=True):
         require_points_for_view(name, cloud.points)
+    for first, again in repeated_in([cloud.points for cloud in clouds], np.array_equal):
+        raise InputError(
+            f"{names[again]}: holds the same points as {names[first]}, and would count twice: hand in each view once"
+        )
     cell = _cell(clouds, options)
     views = [_view(name, cloud, cell) for name, cloud in zip(names, clouds, strict=True)]
     standing = None if options.keep_standing else find_standing(views, cell)

@@ -56,7 +56,7 @@ def recalibrate(
 
     Raises
     ------
-    CaptureError : captures of other rasters than the rig's: `check_rasters`.
+    CaptureError : captures of other rasters than the rig's: `check_rasters`; one that is handed in twice.
     InputError : no captures, or a known distance that the captures cannot give.
     DegenerateError : the rig's devices coincide (t = 0).
 
