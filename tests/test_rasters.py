@@ -76,3 +76,44 @@ def test_points_that_tell_no_size_are_asked_where_they_lie(places, outside):
         return
     with pytest.raises(CaptureError, match=r"points\.csv: .* lie beyond the last pixel of .* 1280 x 960"):
         check_extent(RIG, points, "points.csv")
+
+
+PIXELS = np.random.default_rng(3).uniform([[100, 50]], [[900, 700]], (60, 2))
+SEEN = Correspondences(PIXELS, PIXELS + [5, 3])
+
+
+@pytest.mark.parametrize("device", ["camera", "projector"])
+@pytest.mark.parametrize(
+    ("normalised", "like"),
+    [
+        (lambda lens, pixels: (pixels + 0.5) / lens.size, r"between 0\.\d+ and 0\.\d+, .* shares of the picture"),
+        (lambda lens, pixels: (pixels - lens.K[:2, 2]) / lens.K[0, 0], r"between -0\.\d+ and 0\.\d+, .* rays, .*K\^-1"),
+        (lambda lens, pixels: 2 * (pixels + 0.5) / lens.size - 1, "between .* look normalised: hand in"),
+    ],
+)
+def test_coordinates_that_are_no_pixels(device, normalised, like):
+    name = f"{device}_px"
+    points = replace(SEEN, **{name: normalised(getattr(RIG, device), getattr(SEEN, name))})
+    for job in (recalibrate, verify, reconstruct):
+        with pytest.raises(CaptureError, match=f"the {device}'s points lie {like}"):
+            job(RIG, points if job is reconstruct else [points])
+    check_rasters(RIG, SEEN)
+
+
+def test_columns_alone_as_shares():
+    columns = np.column_stack([SEEN.projector_px[:, 0] / 1024, np.full(len(SEEN), np.nan)])
+    check_rasters(RIG, replace(SEEN, projector_px=columns * 1024))
+    with pytest.raises(CaptureError, match="the projector's points lie .* shares"):
+        check_rasters(RIG, replace(SEEN, projector_px=columns))
+
+
+def test_points_beyond_the_picture_on_its_longer_side():
+    pixels = np.column_stack([PIXELS[:, 1], np.linspace(10, 1250, len(PIXELS))])
+    with pytest.raises(CaptureError, match="x and y are exchanged, or it is turned by a quarter"):
+        check_extent(RIG, replace(SEEN, camera_px=pixels))
+
+
+@pytest.mark.parametrize("job", [recalibrate, verify])
+def test_the_jobs_take_each_capture_once(job):
+    with pytest.raises(CaptureError, match=r"captures\[1\]: holds the same points as captures\[0\]"):
+        job(RIG, [SEEN, replace(SEEN, light=np.ones(len(SEEN)))])

@@ -12,6 +12,7 @@ from retrue.answers import Reason
 from retrue.correspondences import Correspondences, require_both_axes, require_each_once
 from retrue.errors import CaptureError
 from retrue.geometry.arrays import FloatArray
+from retrue.geometry.camera import Camera
 from retrue.geometry.nearest import nearest_of_all
 from retrue.rig import Rig
 
@@ -22,6 +23,8 @@ MOST_BINNED = 8
 MOST_MIRRORED = 0.8
 MOST_CORNERS = 1000
 FEWEST_TRIANGLES = 12
+NEAREST_ZERO = 2.0
+"""All points that lie this near to it, in pixels, are none of a raster."""
 MOST_OUTSIDE = 0.01
 """Share of the points that may lie beyond the rig's picture where nobody said of which one they are."""
 
@@ -37,7 +40,7 @@ def check_captures(rig: Rig, captures: Sequence[Correspondences]) -> None:
 
 
 def check_rasters(rig: Rig, points: Correspondences, name: str | Path = "points") -> None:
-    """Are these points of the rasters that the rig is calibrated for? Nothing is asked of points that do not say.
+    """Are these points of the rasters that the rig is calibrated for? They may not say of which, but are to be pixels.
 
     Parameters
     ----------
@@ -46,7 +49,7 @@ def check_rasters(rig: Rig, points: Correspondences, name: str | Path = "points"
     Raises
     ------
     CaptureError
-        of other rasters; says both sizes, and what the difference looks like.
+        of other rasters; says both sizes, and what the difference looks like. Or of points that are no pixels.
 
     >>> from retrue import Camera, RigidTransform
     >>> camera = Camera((640, 480), [[500, 0, 320], [0, 500, 240], [0, 0, 1]])
@@ -61,6 +64,25 @@ def check_rasters(rig: Rig, points: Correspondences, name: str | Path = "points"
         check_pictures(rig, points.camera_size, name)
     if points.projector_size is not None:
         check_pattern(rig, points.projector_size, name)
+    check_pixels("camera", rig.camera.size, points.camera_px, name, rig.camera)
+    check_pixels("projector", rig.projector.size, points.projector_px[:, points.axes], name, rig.projector)
+
+
+def check_pixels(device: str, size: Size, found: FloatArray, name: str | Path, lens: Camera | None = None) -> None:
+    """A `CaptureError` where a device's coordinates are shares of its picture, or its rays, in the place of pixels."""
+    if len(found) < FEWEST_TRIANGLES or not np.abs(found).max(initial=0.0) <= NEAREST_ZERO < min(size):
+        return
+    low, high = float(found.min()), float(found.max())
+    shares = low >= 0 and high <= 1
+    if shares:
+        like = "they look like shares of the picture: hand in pixels, share * size - 0.5"
+    elif lens and found.shape[1] == 2 and np.mean(lens.contains(lens.pixels_from_rays(found))) >= 1 - MOST_OUTSIDE:
+        like = "they look like rays, normalised by the lens (K^-1): hand in the pixels before that"
+    else:
+        like = "they look normalised: hand in the pixels before that"
+    raise CaptureError(
+        name, f"the {device}'s points lie between {low:.2g} and {high:.2g}, in pixels of {_text(size)}; {like}"
+    )
 
 
 def check_extent(rig: Rig, points: Correspondences, name: str | Path = "points") -> None:
@@ -77,10 +99,12 @@ def check_extent(rig: Rig, points: Correspondences, name: str | Path = "points")
     beyond = points.camera_px > np.array(rig.camera.size) - 0.5
     outside = float(np.mean(beyond[:, 0] | beyond[:, 1]))
     if not outside <= MOST_OUTSIDE:
+        exchanged = np.mean(rig.camera.contains(points.camera_px[:, ::-1])) >= 1 - MOST_OUTSIDE
+        like = "x and y are exchanged, or it is turned by a quarter" if exchanged else "of a picture of another size"
         raise CaptureError(
             name,
             f"{100 * outside:.0f} % of the points lie beyond the last pixel of the rig's picture, "
-            f"{_text(rig.camera.size)}, and none before its first: of a picture of another size; "
+            f"{_text(rig.camera.size)}, and none before its first: {like}; "
             "take it as for the calibration, or calibrate again",
         )
 

@@ -16,6 +16,7 @@ from retrue.files.points import read_points
 from retrue.patterns.color_grid import ColorGrid
 from retrue.patterns.line_grid import LineGrid
 from retrue.patterns.pattern import PATTERNS, Pattern
+from retrue.rasters import check_pixels
 
 
 def read_board_captures(
@@ -111,6 +112,9 @@ def _require_within(table: Path, picture: Path, points: Correspondences, size: t
         raise FileError(
             table, f"the points are of pictures of {width} x {height}, {picture.name} is {size[0]} x {size[1]}"
         )
+    check_pixels("camera", size, points.camera_px, table)
+    if points.projector_size is not None:
+        check_pixels("projector", points.projector_size, points.projector_px[:, points.axes], table)
     beyond = (points.camera_px < -0.5) | (points.camera_px > [size[0] - 0.5, size[1] - 0.5])
     if beyond.any():
         raise FileError(
