@@ -79,7 +79,7 @@ def test_points_that_tell_no_size_are_asked_where_they_lie(places, outside):
 
 
 PIXELS = np.random.default_rng(3).uniform([[100, 50]], [[900, 700]], (60, 2))
-SEEN = Correspondences(PIXELS, PIXELS + [5, 3])
+SEEN = Correspondences(PIXELS, PIXELS + np.array([5, 3]))
 
 
 @pytest.mark.parametrize("device", ["camera", "projector"])
@@ -103,7 +103,7 @@ def test_coordinates_that_are_no_pixels(device, normalised, like):
 def test_columns_alone_as_shares():
     columns = np.column_stack([SEEN.projector_px[:, 0] / 1024, np.full(len(SEEN), np.nan)])
     check_rasters(RIG, replace(SEEN, projector_px=columns * 1024))
-    with pytest.raises(CaptureError, match="the projector's points lie .* shares"):
+    with pytest.raises(CaptureError, match=r"the projector's points lie .* shares"):
         check_rasters(RIG, replace(SEEN, projector_px=columns))
 
 

@@ -129,8 +129,14 @@ def check_pattern(rig: Rig, size: Size, name: str | Path) -> None:
         )
 
 
-WAYS = ", left to right", " and turned by a quarter", ", top to bottom", " and turned by a quarter"
-"""What a picture is beside mirrored, by quarters that it was turned by after it was mirrored left to right."""
+WAYS = (
+    "picture is mirrored, left to right",
+    "x and y are exchanged, or its picture is mirrored and turned by a quarter",
+    "picture is mirrored, top to bottom",
+    "picture is mirrored and turned by a quarter",
+)
+"""What was done to a device's picture, by quarters that it was turned by after it was mirrored left to right."""
+EXCHANGED = 1
 SETTINGS = {
     "camera": "a driver's setting, or that of whatever showed the picture?",
     "projector": "rear projection, or a ceiling setting?",
@@ -153,10 +159,13 @@ class PictureMirrored(Reason):
         if self.device is None:
             return (
                 f"the projector's picture is mirrored, or the camera's: {run}"
-                " (rear projection, a ceiling setting, a driver's, or all seen in a mirror?); switch it off"
+                " (rear projection, a ceiling setting, a driver's, or all seen in a mirror?);"
+                " switch it off, or x and y of one are exchanged"
             )
-        way = WAYS[self.quarters]
-        return f"the {self.device}'s picture is mirrored{way}: {run} ({SETTINGS[self.device]}); switch it off"
+        cause, advice = SETTINGS[self.device], "switch it off"
+        if self.quarters == EXCHANGED:
+            cause, advice = "a table of rows and columns?", "hand in x, which counts columns, first"
+        return f"the {self.device}'s {WAYS[self.quarters]}: {run} ({cause}); {advice}"
 
 
 def picture_mirrored(captures: Sequence[Correspondences]) -> PictureMirrored | None:

@@ -89,6 +89,11 @@ def upside_down() -> Case:
     return RIG, [Correspondences(np.array(CAMERA.size) - 1.0 - points.camera_px, points.projector_px)]
 
 
+def rows_and_columns() -> Case:
+    points = capture(CORNER, area=(0.1, 0.7, 0.1, 0.7))
+    return RIG, [Correspondences(points.camera_px[:, ::-1], points.projector_px[:, ::-1])]
+
+
 def refocused() -> Case:
     return zoomed(1.03, CORNER)
 
@@ -107,6 +112,7 @@ CASES: dict[Callable[[], Case], type[reasons.Reason]] = {
     refocused: reasons.LensChanged,
     exchanged: reasons.DevicesExchanged,
     upside_down: reasons.PictureTurned,
+    rows_and_columns: reasons.AxesExchanged,
 }
 UNATTENDED = reasons.LensUnchecked
 OF_VERIFY = (reasons.OneCoordinate, reasons.PoseDrifted, reasons.PoseContradicted, reasons.RaysMiss)
@@ -122,6 +128,7 @@ ADVICE = {
     reasons.LensChanged: "--lens refit",
     reasons.DevicesExchanged: "are camera pixels first",
     reasons.PictureTurned: "take it as for the calibration",
+    reasons.AxesExchanged: "x counts columns and comes first",
     reasons.LensUnchecked: "--lens fixed",
 }
 

@@ -7,14 +7,14 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from retrue.correspondences import Correspondences
+from retrue.correspondences import Card, Correspondences
 from retrue.geometry.camera import Camera
 from retrue.geometry.transform import RigidTransform, rotation_angle
 from retrue.rasters import PictureMirrored
 from retrue.recalibration import reasons
 from retrue.recalibration.recalibrate import recalibrate
 from retrue.recalibration.result import Accepted, Refused
-from retrue.recalibration.turned_pictures import readings
+from retrue.recalibration.turned_pictures import axes_exchanged, readings
 from retrue.recalibration.verify import verify
 from retrue.rig import Rig
 from tests.recalibration.scenes import BALLS, CAMERA, POSE, RIG, SIDE_WALL, SPHERE, WALL, Scene, bumped, capture
@@ -101,6 +101,45 @@ def test_whose_picture_is_mirrored_and_which_way(scene: str, device: str, way: s
         assert answer.cause.device is None or way in answer.reason
     assert isinstance(held.cause, PictureMirrored)
     assert held.cause.device == device
+
+
+def exchanged(points: Correspondences, *devices: str) -> Correspondences:
+    return replace(points, **{f"{device}_px": getattr(points, f"{device}_px")[:, ::-1] for device in devices})
+
+
+@pytest.mark.parametrize("scene", SCENES)
+def test_x_and_y_exchanged_in_both_devices_are_named(scene: str) -> None:
+    inner = (0.1, 0.7, 0.1, 0.7)  # exchanged, they lie in the rasters, too
+    points = exchanged(capture(SCENES[scene], area=inner), "camera", "projector")
+    for answer in (recalibrate(OLD, [points]), verify(RIG, [points])):
+        assert isinstance(answer.cause, reasons.AxesExchanged), answer.reason
+        assert answer.cause.meant_deg < 15
+        assert not isinstance(answer, Refused) or answer.evidence.lens == "unchecked"
+
+
+def test_points_beyond_the_raster_may_be_exchanged() -> None:
+    """Old pose and baseline on the diagonal, so that the exchange hardly moves the rig."""
+    pose = RigidTransform.from_rotation_vector([0.11, -0.11, 0.0], [0.25, 0.25, 0.05])
+    rig = replace(RIG, projector_from_camera=pose)
+    points = exchanged(capture(SCENES["wall"], rig=rig), "camera", "projector")
+    assert (points.camera_px[:, 1] > 960).mean() > 0.05
+    answer = recalibrate(rig, [points])
+    assert isinstance(answer.cause, reasons.AxesExchanged), answer.reason
+
+
+@pytest.mark.parametrize("device", ["camera", "projector"])
+@pytest.mark.parametrize("scene", SCENES)
+def test_x_and_y_exchanged_in_one_device_are_named(scene: str, device: str) -> None:
+    answer = recalibrate(OLD, [exchanged(capture(SCENES[scene]), device)])
+    assert isinstance(answer.cause, PictureMirrored), answer.reason
+    assert answer.cause.device in (device, None)
+    assert "x and y of one are exchanged" in answer.reason or f"the {device}'s x and y are" in answer.reason
+
+
+def test_what_a_decoder_read_has_no_axes_exchanged() -> None:
+    points = exchanged(capture(CORNER, area=(0.1, 0.7, 0.1, 0.7)), "camera", "projector")
+    assert [one.device for one in axes_exchanged(RIG, [points])] == ["both"]
+    assert axes_exchanged(RIG, [replace(points, card=Card("pixels", 9, 9, {}, 0.5))]) == []
 
 
 @pytest.mark.parametrize("degrees", [0, 30, 60])

@@ -1,4 +1,4 @@
-"""Captures judged as they are, and as they may be meant: with a picture turned or mirrored back."""
+"""Captures judged as they are, and as they may be meant: a picture turned or mirrored back, x and y exchanged."""
 
 from __future__ import annotations
 
@@ -7,13 +7,15 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from retrue.answers import Reason
 from retrue.correspondences import Correspondences
 from retrue.errors import DegenerateError
-from retrue.rasters import MOST_MIRRORED, PictureMirrored, mirrored_share
+from retrue.rasters import MOST_MIRRORED, MOST_OUTSIDE, PictureMirrored, mirrored_share
 from retrue.recalibration.fit import own_pose
 from retrue.recalibration.judge import Judgement, judge, objection
 from retrue.recalibration.options import RecalibrateOptions
 from retrue.recalibration.reasons import (
+    AxesExchanged,
     DevicesExchanged,
     PictureTurned,
     PoseUndetermined,
@@ -21,11 +23,13 @@ from retrue.recalibration.reasons import (
     Undecidable,
 )
 from retrue.recalibration.rivals import evidence_across, move_deg, move_nats
-from retrue.recalibration.turned_pictures import Reading, readings
+from retrue.recalibration.swapped import FAR_MOVE_DEG
+from retrue.recalibration.turned_pictures import Reading, axes_exchanged, inside, readings
 from retrue.rig import Rig
 
 FAR_TURN_DEG = 45.0  # what turns a picture moves the rig by more
 SELDOM_TURNED = 7.0  # nats: one capture in a thousand is turned
+SELDOM_EXCHANGED = 9.0  # and one in ten thousand has both axes exchanged
 MAY_BE_MIRRORED = 0.5
 """Share of triangles that run the other way round: wrong points make half of theirs do so."""
 
@@ -40,7 +44,8 @@ class _Read:
 
 
 def judge_as_meant(rig: Rig, captures: Sequence[Correspondences], options: RecalibrateOptions) -> Judgement:
-    """`judge`, and whether a picture was turned or mirrored: its points say that a device rolled over, or blame a lens.
+    """`judge`, and whether a picture was turned or mirrored, or axes exchanged: its points then say that a device moved
+    far, blame a lens, or lie beyond a raster.
 
     DegenerateError where no pose is determined, and where that is because a picture is not as it was.
     """
@@ -56,10 +61,15 @@ def judge_as_meant(rig: Rig, captures: Sequence[Correspondences], options: Recal
             raise
         raise Undecidable(_reason(min(back, key=lambda one: one.moved_deg), share, None)) from None
     moved = move_deg(judgement.answer.pose, own_pose(rig))
-    if not (mirrored or moved > FAR_TURN_DEG or judgement.lens.verdict == "changed"):
+    beyond = inside(rig, captures) < 1 - MOST_OUTSIDE
+    turned = mirrored or beyond or moved > FAR_TURN_DEG or judgement.lens.verdict == "changed"
+    if not (turned or moved > FAR_MOVE_DEG):
         return judgement
-    back = _all_read(rig, _readings(rig, captures, mirrored=mirrored), options)
-    margins = [_evidence(judgement, moved, one.judgement, one.moved_deg) + SELDOM_TURNED for one in back]
+    meant = _readings(rig, captures, mirrored=mirrored) if turned else axes_exchanged(rig, captures)
+    back = _all_read(rig, meant, options)
+    seldom = [0.0 if beyond else _seldom(one.reading) for one in back]  # points beyond a raster are as seldom
+    evidence = [_evidence(judgement, moved, one.judgement, one.moved_deg) for one in back]
+    margins = np.add(evidence, seldom).tolist()
     if back and not min(margins) >= options.min_margin:
         read, exchanged = back[int(np.argmin(margins))], judgement.misread
         if not (isinstance(exchanged, DevicesExchanged) and exchanged.meant_deg <= read.moved_deg):
@@ -81,16 +91,23 @@ def _whose_mirrored(
     return PictureMirrored(share, near[0].device, near[0].quarters) if near else PictureMirrored(share)
 
 
-def _reason(read: _Read, share: float, moved_deg: float | None) -> PictureTurned | PictureMirrored:
+def _reason(read: _Read, share: float, moved_deg: float | None) -> Reason:
     reading = read.reading
+    if reading.device == "both":
+        return AxesExchanged(read.moved_deg, moved_deg)
     if reading.mirrored:
         return PictureMirrored(share, reading.device, reading.quarters)
     return PictureTurned(reading.device, reading.quarters, read.moved_deg, moved_deg)
 
 
+def _seldom(reading: Reading) -> float:
+    return SELDOM_EXCHANGED if reading.device == "both" else SELDOM_TURNED
+
+
 def _readings(rig: Rig, captures: Sequence[Correspondences], *, mirrored: bool) -> list[Reading]:
-    """With a picture turned back, and where one may be mirrored, mirrored back, too."""
-    return readings(rig, captures) + (readings(rig, captures, mirrored=True) if mirrored else [])
+    """With a picture turned back, or axes exchanged back, and where one may be mirrored, mirrored back, too."""
+    back = readings(rig, captures) + axes_exchanged(rig, captures)
+    return back + (readings(rig, captures, mirrored=True) if mirrored else [])
 
 
 def _all_read(rig: Rig, several: Sequence[Reading], options: RecalibrateOptions) -> list[_Read]:

@@ -214,6 +214,21 @@ class PictureTurned(Reason):
 
 
 @dataclass(frozen=True, slots=True)
+class AxesExchanged(Reason):
+    """With x and y exchanged back in both devices, the rig moved little; as they are, far, or no pose explains them."""
+
+    meant_deg: float
+    moved_deg: float | None
+
+    def __str__(self) -> str:
+        as_it_is = "no pose explains them" if self.moved_deg is None else f"by {self.moved_deg:.0f}"
+        return (
+            "x and y may be exchanged, in both devices' points: exchanged back, the rig moved by"
+            f" {self.meant_deg:.0f} deg, and as they are, {as_it_is}; x counts columns and comes first, y rows"
+        )
+
+
+@dataclass(frozen=True, slots=True)
 class LensUnchecked(Reason):
     """The answer would write over a rig, and rests on a word that nobody gave."""
 

@@ -18,6 +18,7 @@ from retrue.recalibration.options import RecalibrateOptions
 from retrue.recalibration.posterior import Posterior
 from retrue.recalibration.rays import rays_of_captures
 from retrue.recalibration.rivals import move_deg
+from retrue.recalibration.turned_pictures import inside
 from retrue.rig import Rig
 
 FAR_MOVE_DEG = 15.0
@@ -52,7 +53,7 @@ def move_if_exchanged(
     if not moved > FAR_MOVE_DEG:
         return None
     captures = [exchanged(capture) for capture in captures]
-    if not _inside(rig, captures) >= 1 - MOST_OUTSIDE:
+    if not inside(rig, captures) >= 1 - MOST_OUTSIDE:
         return None
     rng = np.random.default_rng(options.seed)
     try:
@@ -71,9 +72,3 @@ def move_if_exchanged(
         if (near < moved and cost < own - BETTER) or (near * NEARER < moved and cost < own + AS_WELL):
             nearest = min(nearest, near)
     return float(nearest) if nearest < moved else None
-
-
-def _inside(rig: Rig, captures: Sequence[Correspondences]) -> float:
-    """Share of the points that lie in the rasters of both devices."""
-    inside = [rig.camera.contains(one.camera_px) & rig.projector.contains(one.projector_px) for one in captures]
-    return float(np.mean(np.concatenate(inside)))
