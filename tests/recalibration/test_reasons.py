@@ -94,6 +94,10 @@ def rows_and_columns() -> Case:
     return RIG, [Correspondences(points.camera_px[:, ::-1], points.projector_px[:, ::-1])]
 
 
+def camera_from_projector() -> Case:
+    return replace(RIG, projector_from_camera=POSE.inverse()), [capture(Scene(), area=(0.4, 0.7, 0.4, 0.7))]
+
+
 def refocused() -> Case:
     return zoomed(1.03, CORNER)
 
@@ -113,6 +117,7 @@ CASES: dict[Callable[[], Case], type[reasons.Reason]] = {
     exchanged: reasons.DevicesExchanged,
     upside_down: reasons.PictureTurned,
     rows_and_columns: reasons.AxesExchanged,
+    camera_from_projector: reasons.PoseInverted,
 }
 UNATTENDED = reasons.LensUnchecked
 OF_VERIFY = (reasons.OneCoordinate, reasons.PoseDrifted, reasons.PoseContradicted, reasons.RaysMiss)
@@ -129,6 +134,7 @@ ADVICE = {
     reasons.DevicesExchanged: "are camera pixels first",
     reasons.PictureTurned: "take it as for the calibration",
     reasons.AxesExchanged: "x counts columns and comes first",
+    reasons.PoseInverted: "hand in the inverse",
     reasons.LensUnchecked: "--lens fixed",
 }
 

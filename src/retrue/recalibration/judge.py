@@ -37,6 +37,7 @@ from retrue.recalibration.reasons import (
     LensChanged,
     PartsContradict,
     PointsDisagree,
+    PoseInverted,
     PoseUndetermined,
     Reason,
     RivalUnbeaten,
@@ -72,6 +73,7 @@ class Judgement:
     other_part : those of them that share another pose.
     differing : the capture that is furthest from the others' pose, and by how many sigma; None of a single one.
     misread : what says that the captures are meant in another way, of which the rig would have moved less.
+    inverted : what says that the rig's old pose is written the other way round, where that gives the same answer.
     loudest_px : noise across their epipolar lines that points may have about the answer.
     """
 
@@ -89,6 +91,7 @@ class Judgement:
     differing: tuple[int, float] | None
     misread: Reason | None
     loudest_px: float
+    inverted: PoseInverted | None = None
 
     @property
     def resolved_by(self) -> str:
@@ -213,6 +216,8 @@ def objection(
     far = [rival for rival in judgement.rivals if rival not in judgement.near]
     rival = min(far, key=lambda one: one.margin, default=None)
     if rival is not None and not rival.margin >= options.min_margin:
+        if judgement.inverted is not None:
+            return judgement.inverted
         pose, other = judgement.answer.pose, rival.posterior.pose
         apart = np.degrees([rotation_angle(pose.R @ other.R.T), direction_angle(pose.t, other.t)])
         return RivalUnbeaten(rival.name, rival.margin, *apart.tolist())

@@ -18,6 +18,7 @@ from retrue.recalibration.reasons import (
     AxesExchanged,
     DevicesExchanged,
     PictureTurned,
+    PoseInverted,
     PoseUndetermined,
     RivalUnbeaten,
     Undecidable,
@@ -61,6 +62,8 @@ def judge_as_meant(rig: Rig, captures: Sequence[Correspondences], options: Recal
             raise
         raise Undecidable(_reason(min(back, key=lambda one: one.moved_deg), share, None)) from None
     moved = move_deg(judgement.answer.pose, own_pose(rig))
+    if moved > FAR_TURN_DEG:
+        judgement = _or_inverted(rig, judgement, moved, options)
     beyond = inside(rig, captures) < 1 - MOST_OUTSIDE
     turned = mirrored or beyond or moved > FAR_TURN_DEG or judgement.lens.verdict == "changed"
     if not (turned or moved > FAR_MOVE_DEG):
@@ -72,10 +75,31 @@ def judge_as_meant(rig: Rig, captures: Sequence[Correspondences], options: Recal
     margins = np.add(evidence, seldom).tolist()
     if back and not min(margins) >= options.min_margin:
         read, exchanged = back[int(np.argmin(margins))], judgement.misread
-        if not (isinstance(exchanged, DevicesExchanged) and exchanged.meant_deg <= read.moved_deg):
+        nearer = judgement.inverted or (exchanged if isinstance(exchanged, DevicesExchanged | PoseInverted) else None)
+        if not (nearer is not None and nearer.meant_deg <= read.moved_deg):
             lens = replace(judgement.lens, verdict="unchecked")  # what was blamed is none of theirs
             return replace(judgement, misread=_reason(read, share, moved), lens=lens)
     return judgement
+
+
+def _or_inverted(rig: Rig, judgement: Judgement, moved_deg: float, options: RecalibrateOptions) -> Judgement:
+    """The same, and whether the rig's pose is written the other way round: seen from its inverse, the best of all poses
+    then moved far less. Where that is another pose than the answer, the captures are misread."""
+    inverse = own_pose(replace(rig, projector_from_camera=rig.projector_from_camera.inverse()))
+    found = [(0.0, judgement.answer.pose)]
+    found += [(one.points + one.light, one.posterior.pose) for one in judgement.rivals if one not in judgement.near]
+    moves = [move_deg(pose, inverse) for _, pose in found]
+    costs = [nats + move_nats(degrees) for (nats, _), degrees in zip(found, moves, strict=True)]
+    best = int(np.argmin(costs))
+    if costs[best] + SELDOM_TURNED - move_nats(moved_deg) >= options.min_margin:
+        return judgement
+    inverted = PoseInverted(moves[best], moved_deg)
+    if best:
+        return replace(judgement, misread=judgement.misread or inverted)
+    misread = judgement.misread
+    if isinstance(misread, DevicesExchanged):
+        misread = replace(misread, inverted=inverted)
+    return replace(judgement, inverted=inverted, misread=misread)
 
 
 def _whose_mirrored(

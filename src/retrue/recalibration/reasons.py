@@ -182,15 +182,35 @@ class CapturesDiffer(Reason):
 
 @dataclass(frozen=True, slots=True)
 class DevicesExchanged(Reason):
-    """Taken for each other, camera and projector moved little; as they are, far. Degrees of both."""
+    """Taken for each other, camera and projector moved little; as they are, far. Degrees of both.
+
+    Where their lenses are alike, the rig's pose may as well be `inverted`.
+    """
 
     moved_deg: float
     meant_deg: float
+    inverted: PoseInverted | None = None
+
+    def __str__(self) -> str:
+        other = "" if self.inverted is None else f". Or {self.inverted}"
+        return (
+            f"camera and projector may be exchanged: as they are, the rig moved by {self.moved_deg:.0f} deg, and"
+            f" exchanged by {self.meant_deg:.0f}; are camera pixels first, and is it this rig's capture?{other}"
+        )
+
+
+@dataclass(frozen=True, slots=True)
+class PoseInverted(Reason):
+    """From the inverse of its old pose the rig moved little; from that as it is written, far. Degrees of both."""
+
+    meant_deg: float
+    moved_deg: float
 
     def __str__(self) -> str:
         return (
-            f"camera and projector may be exchanged: as they are, the rig moved by {self.moved_deg:.0f} deg, and"
-            f" exchanged by {self.meant_deg:.0f}; are camera pixels first, and is it this rig's capture?"
+            "the rig's old pose may be written the other way round, as camera_from_projector: the rig moved by"
+            f" {self.meant_deg:.0f} deg from its inverse, and by {self.moved_deg:.0f} as it is; if so, hand in the"
+            " inverse"
         )
 
 
@@ -241,7 +261,10 @@ class LensUnchecked(Reason):
 
 @dataclass(frozen=True, slots=True)
 class PoseDrifted(Reason):
-    """The captures support another pose than the rig's; how far away, and what that moves points by."""
+    """The captures support another pose than the rig's; how far away, and what that moves points by.
+
+    `inverted`: the rig's pose may be written the other way round.
+    """
 
     rotation_deg: float
     translation_deg: float
@@ -250,10 +273,11 @@ class PoseDrifted(Reason):
     unit: str
     deviations: float
     improvable: bool
+    inverted: PoseInverted | None = None
 
     def __str__(self) -> str:
         moved = drift_text(self.rotation_deg, self.translation_deg, self.displacement, self.distance, self.unit)
-        advice = "recalibrate where so little matters" if self.improvable else "recalibrate"
+        advice = "recalibrate where so little matters" if self.improvable else str(self.inverted or "recalibrate")
         return f"the capture supports another pose: {moved}, {self.deviations:.1f} sigma; {advice}"
 
 

@@ -83,7 +83,8 @@ def recalibrate(
         return Accepted(
             same, f"the rig still holds, and its pose is known better{length}", evidence, unchanged=same is rig
         )
-    return Accepted(_new_rig(rig, judgement, evidence), f"resolved by {evidence.resolved_by}", evidence)
+    doubt = "" if judgement.inverted is None else f"; {judgement.inverted}"
+    return Accepted(_new_rig(rig, judgement, evidence), f"resolved by {evidence.resolved_by}{doubt}", evidence)
 
 
 def _as_long_as(pose: RigidTransform | None, rig: Rig, how: str) -> Rig:

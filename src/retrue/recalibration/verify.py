@@ -111,7 +111,9 @@ def _verified(rig: Rig, judgement: Judgement, total: int, options: VerifyOptions
     if not holds and cause is None:
         small = found.displacement is not None and depth and found.displacement <= options.improvable * depth
         return verdict(
-            "drifted", PoseDrifted(*moved, deviations, bool(small)), "improvable" if small else BANDS["drifted"]
+            "drifted",
+            PoseDrifted(*moved, deviations, bool(small), judgement.inverted),
+            "improvable" if small else BANDS["drifted"],
         )
     if not holds and isinstance(cause, Imprecise | RivalUnbeaten):
         return verdict("drifted", PoseContradicted(deviations, cause))
