@@ -311,3 +311,21 @@ def test_what_nobody_reads_to_its_end_is_no_fault(words):
         run.stdout.close()
         assert run.stderr.read() == b""
     assert run.returncode == 0
+
+
+def test_a_pattern_is_written_beside_no_other_pictures(retrue, tmp_path):
+    """Whoever shows or reads the folder would have the pictures of an earlier, longer pattern too."""
+    out = tmp_path / "pattern"
+    sequence = ("pattern", "gray-code", "--projector-size", 64, 48, "--out", out)
+    assert retrue(*sequence).status == 0
+    assert retrue(*sequence).status == 0  # the same again
+    before = {path: path.read_bytes() for path in out.iterdir()}
+    for other in (("gray-code", "--step", 8), ("color-grid",)):
+        run = retrue("pattern", *other, "--projector-size", 256, 192, "--out", out)
+        run.require_complaint("pattern: holds pictures of something else, pattern_", "give another folder")
+    assert {path: path.read_bytes() for path in out.iterdir()} == before
+    (tmp_path / "photographs").mkdir()
+    (tmp_path / "photographs" / "IMG_1.JPG").write_bytes(b"")
+    run = retrue("pattern", "color-grid", "--projector-size", 256, 192, "--out", tmp_path / "photographs")
+    run.require_complaint("photographs: holds pictures of something else, IMG_1.JPG: give")
+    assert names(tmp_path / "photographs") == ["IMG_1.JPG"]

@@ -40,7 +40,8 @@ class Pattern(Command):
     projector_size
         Width and height of the projector in pixels.
     out
-        Folder for the PNG pictures and pattern.json; made where it is not there.
+        Folder for the PNG pictures and pattern.json; made where it is not there. It may hold no other pictures,
+        as of an earlier pattern.
     rows
         Of blocks of a colour grid; 40 by default.
     columns
@@ -89,6 +90,7 @@ class Pattern(Command):
     layout: str | None = None
 
     def run(self) -> Outcome:
+        from retrue.files.capture_folder import require_no_other_pictures
         from retrue.files.images import write_png
         from retrue.files.patterns import write_pattern
         from retrue.patterns.color_grid import ColorGrid
@@ -103,6 +105,7 @@ class Pattern(Command):
             pictures = {"pattern.png": pattern.render()}
         else:
             pictures = {f"pattern_{number:02d}.png": picture for number, picture in enumerate(pattern.render())}
+        require_no_other_pictures(self.out, pictures)
         folder = made_folder(self.out)
         for name, picture in pictures.items():
             write_png(folder / name, picture)

@@ -48,6 +48,7 @@ class Simulate(Command):
 
     def run(self) -> Outcome:
         from retrue.correspondences import Correspondences
+        from retrue.files.capture_folder import require_no_other_pictures
         from retrue.files.patterns import read_pattern, write_pattern
         from retrue.files.points import write_points
         from retrue.files.rigs import read_rig, write_rig
@@ -64,6 +65,8 @@ class Simulate(Command):
         simulated = simulate(rig, scene, pattern, self.options, terminal.progress("rendering"))
         seconds = time.perf_counter() - start
         single = isinstance(pattern, ColorGrid | LineGrid)
+        if not single:
+            require_no_other_pictures(folder / "capture", {f"{name}.png" for name in simulated.pictures})
         capture = folder / "capture.png" if single else made_folder(folder / "capture")
         _write(simulated, rig, capture if capture.is_dir() else folder, folder / "truth.npz")
         truth = Correspondences(

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import shutil
 import tempfile
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from pathlib import Path
 
 from retrue.errors import FileError
 from retrue.files.atomic import sync_folder
-from retrue.files.images import write_png
+from retrue.files.images import SUFFIXES, natural_key, write_png
 from retrue.geometry.arrays import Image
 
 
@@ -50,3 +50,15 @@ def require_new_folder(folder: Path) -> None:
         raise FileError(folder, "is not empty: a capture is written into a folder of its own; give another one")
     if folder.exists() and not folder.is_dir():
         raise FileError(folder, "expected a folder for the pictures, found a file")
+
+
+def require_no_other_pictures(folder: Path, names: Collection[str]) -> None:
+    """A `FileError` where pictures of other names lie in it already: who reads the folder has these too."""
+    if not folder.is_dir():
+        return
+    others = [path.name for path in folder.iterdir() if path.suffix.lower() in SUFFIXES and path.name not in names]
+    if others:
+        first, more = min(others, key=natural_key), f" and {len(others) - 1} more" if len(others) > 1 else ""
+        raise FileError(
+            folder, f"holds pictures of something else, {first}{more}: give another folder, or move them away"
+        )
