@@ -160,7 +160,7 @@ def test_a_mirrored_projection_is_told(plain_shot, pictures):
 
 def read_all_the_same(shot, pictures):
     """What the card says of a capture that is read, rightly."""
-    points = decode(PATTERN, pictures, names=NAMES)
+    points = decode(PATTERN, pictures, names=NAMES[: len(pictures)])
     off = points.projector_px - shot.truth(points.camera_px)
     assert len(points) > 0.85 * 240 * 180
     assert np.abs(off).max() < 1
@@ -227,3 +227,21 @@ def test_a_late_camera_with_white_and_black_exchanged_is_read(pictures):
     assert len(points) > 0.8 * 240 * 180
     assert "late by 1" in points.card.advice[0]
     assert "exchanged" in points.card.advice[0]
+
+
+@pytest.mark.parametrize("lights", [True, False])
+def test_pictures_in_reversed_order(plain_shot, pictures, lights):
+    """White and black, in their place, were said to be late by two."""
+    backwards = pictures[::-1] if lights else pictures[-3::-1]
+    assert "the pictures are in reversed order" in read_all_the_same(plain_shot, backwards)
+
+
+def test_reversed_order_of_rows_first_and_of_a_late_camera(plain_shot, pictures):
+    rows_first = [*pictures[14:28], *pictures[:14], *pictures[28:]]
+    for spoilt, cause in (
+        (rows_first[::-1], "row pictures come before"),
+        ([pictures[0], *pictures[:0:-1]], "late by 1"),
+    ):
+        said = read_all_the_same(plain_shot, spoilt)
+        assert "reversed order" in said
+        assert cause in said

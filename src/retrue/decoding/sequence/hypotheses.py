@@ -134,10 +134,13 @@ def hypotheses(frames: Sequence[Frame], *, doubled: bool = False) -> Iterator[Hy
     `doubled`: what stands in the place of white or black shows the same as another picture, and may be left out.
     """
     either, lights_are = (False, True), ("", "exchanged", "moved", *(("lost",) if doubled else ()))
-    orders = product(either, either, either, either, lights_are, range(LATEST + 1))
+    orders = product(either, either, either, either, either, lights_are, range(LATEST + 1))
     relabelled = cache(partial(_relabelled, frames))
     seen: set[tuple[Frame, ...]] = set()
     for *moved, lights, late in sorted(orders, key=_surprise):
+        backwards, _, low_first, inverse_first, _ = moved
+        if backwards and (low_first or inverse_first):  # as the whole is then, already
+            continue
         made, causes = relabelled(*moved, lights)
         if late:
             made = (IGNORE,) * late + made[:-late]
@@ -148,7 +151,13 @@ def hypotheses(frames: Sequence[Frame], *, doubled: bool = False) -> Iterator[Hy
 
 
 def _relabelled(
-    frames: Sequence[Frame], rows_first: bool, low_first: bool, inverse_first: bool, inverses_last: bool, lights: str
+    frames: Sequence[Frame],
+    backwards: bool,
+    rows_first: bool,
+    low_first: bool,
+    inverse_first: bool,
+    inverses_last: bool,
+    lights: str,
 ) -> tuple[tuple[Frame, ...], tuple[str, ...]]:
     """The frames as one who mixed them up so has them, and what to tell him."""
     made, causes = list(frames), list[str]()
@@ -174,6 +183,9 @@ def _relabelled(
     elif lights == "lost":
         made = [IGNORE if f.code in ("white", "black") else f for f in made]
         causes.append("white or black is missing, and another picture in its place")
+    if backwards:
+        made.reverse()
+        causes.append("the pictures are in reversed order, the last one first")
     return tuple(made), tuple(causes)
 
 
@@ -314,7 +326,7 @@ def _unlike_pair(here: FloatArray, contrast: FloatArray, one: int, other: int) -
     return float(np.median(np.abs(total - np.median(total))))
 
 
-def _surprise(order: tuple[bool, bool, bool, bool, str, int]) -> tuple[int, int]:
+def _surprise(order: tuple[bool, bool, bool, bool, bool, str, int]) -> tuple[int, int]:
     """How many things went wrong at once."""
     *moved, lights, late = order
     return sum((*moved, bool(lights), late > 0)), late
