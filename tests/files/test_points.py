@@ -5,6 +5,7 @@ import pytest
 
 from retrue.correspondences import Correspondences
 from retrue.errors import FileError
+from retrue.files.captures import read_capture
 from retrue.files.points import OPTIONAL, read_points, write_points
 
 HEADER = "camera_x,camera_y,projector_x,projector_y\n"
@@ -80,6 +81,41 @@ def test_what_spreadsheets_write(tmp_path, text):
     points = read_points(tmp_path / "points.csv")
     assert points.camera_px.tolist() == [[1, 2]]
     assert points.projector_px.tolist() == [[3, 4]]
+
+
+@pytest.mark.parametrize("end", [".txt", ".tsv", ".csv", ".TXT"])
+@pytest.mark.parametrize(
+    "text",
+    [
+        "camera_x camera_y projector_x projector_y\n1 2 3 4\n5 6 7 8\n",
+        "  camera_x  camera_y\tprojector_x projector_y \n  1.0   2e0  3 4\n\n 5\t6 7 8  \n",
+        "camera_x camera_y projector_x projector_y\n1,0 2,0 3,0 4,0\n5 6 7 8\n",
+        "# camera_x camera_y projector_x projector_y\n1 2 3 4\n5 6 7 8\n",
+        "#camera_x,camera_y,projector_x,projector_y\n1,2,3,4\n5,6,7,8\n",
+        "# matched pixels\n# name camera_x camera_y projector_x projector_y\na 1 2 3 4\nb 5 6 7 8\n",
+    ],
+    ids=["spaces", "aligned", "decimal commas", "numpy.savetxt", "savetxt, commas", "comments, more columns"],
+)
+def test_columns_by_spaces_and_what_numpy_writes(tmp_path, text, end):
+    path = tmp_path / f"points{end}"
+    path.write_text(text)
+    points = read_capture(path)
+    assert points.camera_px.tolist() == [[1, 2], [5, 6]]
+    assert points.projector_px.tolist() == [[3, 4], [7, 8]]
+
+
+def test_numpys_own_table(tmp_path):
+    pixels = np.random.default_rng(2).uniform(0, 900, (20, 4))
+    np.savetxt(tmp_path / "points.txt", pixels, header="camera_x camera_y projector_x projector_y")
+    points = read_capture(tmp_path / "points.txt")
+    assert np.array_equal(np.hstack([points.camera_px, points.projector_px]), pixels)
+
+
+@pytest.mark.parametrize("text", ["1 2 3 4\n5 6 7 8\n", "1.5e+00\t2\t3\t4\n", "# by hand\n1,2,3,4\n"])
+def test_numbers_without_names_are_told_so(tmp_path, text):
+    (tmp_path / "points.txt").write_text(text)
+    with pytest.raises(FileError, match=r"found no column camera_x, but 1.*, 2, 3, 4; write it above the numbers"):
+        read_capture(tmp_path / "points.txt")
 
 
 @pytest.mark.parametrize(

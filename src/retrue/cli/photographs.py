@@ -47,7 +47,9 @@ class PhotographCommand(ReportingCommand):
 
     def takes_photographs(self, captures: Sequence[Path]) -> bool:
         """Whether these are pictures of two cameras; a table of their matches is a capture like any other."""
-        return self.stereo and not (captures and all(path.suffix.lower() == ".csv" for path in captures))
+        from retrue.files.points import TABLES
+
+        return self.stereo and not (captures and all(path.suffix.lower() in TABLES for path in captures))
 
     def told(self, outcome: Outcome) -> Outcome:
         """The outcome, in the words of the rig that was handed in."""

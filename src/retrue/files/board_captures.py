@@ -12,7 +12,7 @@ from retrue.calibration.views import BoardCapture, Progress, picture_size
 from retrue.correspondences import Correspondences
 from retrue.errors import CaptureError, FileError, require_kind, require_kinds, require_path
 from retrue.files.images import SUFFIXES, picture_paths, read_folder, read_image
-from retrue.files.points import read_points
+from retrue.files.points import TABLES, read_points
 from retrue.patterns.color_grid import ColorGrid
 from retrue.patterns.line_grid import LineGrid
 from retrue.patterns.pattern import PATTERNS, Pattern
@@ -87,7 +87,7 @@ def picture_with_points(path: Path) -> tuple[Path, Path] | None:
                 f"{len(tables)} CSVs",
             )
         return pictures[0], tables[0]
-    if path.suffix.lower() == ".csv":
+    if path.suffix.lower() in TABLES:
         beside = [path.with_suffix(suffix) for suffix in sorted(SUFFIXES | {suffix.upper() for suffix in SUFFIXES})]
         picture = next((entry for entry in beside if entry.is_file()), None)
         if picture is None:

@@ -9,6 +9,7 @@ from retrue.correspondences import Correspondences
 from retrue.errors import CaptureError, FileError, require_kind, require_path
 from retrue.files.image_header import read_image_header
 from retrue.files.images import SUFFIXES, picture_paths, read_folder, read_image
+from retrue.files.points import TABLES, read_points
 from retrue.geometry.arrays import Image
 from retrue.patterns.color_grid import ColorGrid
 from retrue.patterns.gray_code import GrayCode
@@ -48,9 +49,7 @@ def load_capture(path: str | Path, pattern: Pattern | None = None, *, keep_photo
         points, photograph = _read_sequence(path, pattern)
     elif not path.exists():
         raise FileError(path, "no such file or folder")
-    elif path.suffix.lower() == ".csv":
-        from retrue.files.points import read_points
-
+    elif path.suffix.lower() in TABLES:
         return Capture(path.name, read_points(path), path=path)
     else:
         points, photograph = _read_grid(path, pattern)

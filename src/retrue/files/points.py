@@ -3,7 +3,7 @@
 Of a code of one coordinate, columns or rows, the other projector column is absent.
 
 The rasters of both devices stand before the header, `# camera_size=1280x960 projector_size=1024x768`; any other line
-that starts with # is a comment.
+that starts with # is a comment, but for one that names the columns, as `numpy.savetxt` writes it.
 """
 
 from __future__ import annotations
@@ -23,11 +23,15 @@ from retrue.files.atomic import read_text, replaced_file
 from retrue.geometry.arrays import LARGEST_SIDE, FloatArray
 
 REQUIRED = ("camera_x", "camera_y", "projector_x", "projector_y")
+TABLES = frozenset({".csv", ".tsv", ".txt"})
+"""How names of points files end."""
 LARGEST_FILE = 2**30  # bytes
 MOST_ROWS = 20_000_000
 LONGEST_LINE = 10_000  # characters
 ROWS_AT_A_TIME = 65_536
 COMMENT = re.compile(r"^[ \t]*#.*$", re.MULTILINE)
+MARGINS = re.compile(r"^[ \t]+|[ \t]+$", re.MULTILINE)
+SPACES = re.compile(r"[ \t]+")
 SIZE = re.compile(r"([0-9]{1,7})x([0-9]{1,7})")
 
 
@@ -92,8 +96,8 @@ def write_points(path: str | Path, points: Correspondences) -> None:
 def read_points(path: str | Path) -> Correspondences:
     """Matched pixels from CSV; the order of columns is free, unknown ones are passed over.
 
-    Columns may be separated by semicolons or tabs too, and numbers then have decimal commas. Any cell may stand in
-    quotes, and names in capitals.
+    Columns may be separated by semicolons, tabs or spaces too, and numbers then have decimal commas. Any cell may stand
+    in quotes, and names in capitals.
 
     Raises
     ------
@@ -105,6 +109,7 @@ def read_points(path: str | Path) -> Correspondences:
     missing = [name for name in REQUIRED if name not in required]
     if len(required) < 3 or missing[:1] in (["camera_x"], ["camera_y"]):
         found = ", ".join(names)[:80] or "nothing"
+        found += "; write it above the numbers" if any(names) and not re.search("[a-z_]{3}", found) else ""
         raise FileError(
             path, f"expected a CSV with the header {','.join(REQUIRED)}, found no column {missing[0]}, but {found}"
         )
@@ -134,20 +139,29 @@ def _sizes_header_and_body(path: Path) -> tuple[dict[str, tuple[int, int]], list
     sizes: dict[str, tuple[int, int]] = {}
     lines = start = 0
     for line in io.StringIO(text):
-        if line.strip() and not COMMENT.match(line):
+        if line.strip() and (not COMMENT.match(line) or _required(re.split(r"[\s,;#]+", line)) >= 3):
             break
         lines, start = lines + 1, start + len(line)
         if any(name in line for name in SIZES):
             sizes |= _sizes(path, lines, line)
     header, _, body = text[start:].partition("\n")
+    header = header.strip(" ").removeprefix("#")
     if "#" in body:
         body = COMMENT.sub("", body)
+    by_spaces = _required(header.split()) > _required(header.split("\t")) or "\t" not in header
+    if by_spaces and not {",", ";"} & {*header}:
+        header, body = (SPACES.sub(",", MARGINS.sub("", text.replace(",", "."))) for text in (header, body))
     for separator in (";", "\t"):  # as where a comma is the decimal point
         if separator in header:
             header, body = (text.replace(",", ".").replace(separator, ",") for text in (header, body))
     names = [name.strip().lower() for name in _cells(header)]
     _require_no_decimal_commas(path, lines + 2, names, body)
     return sizes, names, "\n" * lines + body
+
+
+def _required(words: list[str]) -> int:
+    """How many of them name a column that a header has."""
+    return len(set(REQUIRED) & {word.strip().lower() for word in words})
 
 
 def _require_no_decimal_commas(path: Path, number: int, names: list[str], body: str) -> None:

@@ -13,7 +13,7 @@ from retrue.files.history import read_history
 from retrue.files.history_entry import HistoryEntry
 from retrue.files.json_values import parse_json
 from retrue.files.models import MESH_ENDINGS, read_model
-from retrue.files.points import read_points
+from retrue.files.points import TABLES, read_points
 from retrue.files.rigs import read_rig
 from retrue.geometry.transform import RigidTransform
 from retrue.reconstruction.cloud import Cloud, Mesh
@@ -63,11 +63,11 @@ def read_contents(paths: Sequence[Path]) -> Contents:
     for name, path in names.items():
         if not path.is_file():
             raise FileError(path, "no such file")
-        if path.suffix.lower() not in (".csv", *MESH_ENDINGS):
+        if path.suffix.lower() not in (*TABLES, *MESH_ENDINGS):
             _read_rig_or_answer(contents, name, path)
     first = next(iter(contents.rigs.values()), None)
     for name, path in names.items():
-        if path.suffix.lower() == ".csv":
+        if path.suffix.lower() in TABLES:
             if first is None:
                 raise FileError(path, "points need the rig that saw them: give its file too")
             contents.models[name] = reconstruct(first[0], read_points(path))
