@@ -50,6 +50,14 @@ def test_recalibrate_takes_a_folder_of_pairs_and_tells_each_axis(retrue: Retrue,
     assert "left01.png, right01.png: " in run.err
 
 
+def test_a_pair_that_is_handed_in_twice_is_named(retrue: Retrue, pairs: Path, tmp_path: Path) -> None:
+    for side in ("left", "right"):
+        for number in (1, 3):
+            (tmp_path / f"{side}0{number}.png").write_bytes((pairs / "photographs" / f"{side}01.png").read_bytes())
+    run = retrue("verify", pairs / "rig.json", tmp_path, "--stereo")
+    run.require_complaint("left03.png, right03.png: holds the same points as left01.png, right01.png")
+
+
 def test_the_answer_speaks_of_two_cameras(retrue: Retrue, pairs: Path, tmp_path: Path) -> None:
     photographs = [pairs / "photographs" / name for name in ("left01.png", "right01.png")]
     run = retrue("recalibrate", pairs / "before.json", *photographs, "--stereo", "--out", tmp_path / "new.json")

@@ -51,6 +51,9 @@ def test_a_picture_of_the_board_with_a_points_csv(tmp_path: Path) -> None:
     write_points(folder / "a.csv", Correspondences([[59.8, 4.5]], [[7, 8]]))
     with pytest.raises(FileError, match=r"1 points lie outside a\.png, 60 x 40"):
         read_board_capture(folder, None, BOARD)
+    write_points(folder / "a.csv", Correspondences([[38, 55], [20, 30]], [[7, 8], [9, 8]]))
+    with pytest.raises(FileError, match=r"1 points lie outside a\.png, 60 x 40: are x and y exchanged\?"):
+        read_board_capture(folder, None, BOARD)
     (folder / "b.csv").write_text("")
     with pytest.raises(CaptureError, match="expected one picture of the board and one points CSV, found 1 "):
         read_board_capture(folder, None, BOARD)

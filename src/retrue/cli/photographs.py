@@ -43,7 +43,11 @@ class PhotographCommand(ReportingCommand):
             return super().read(rig, captures, pattern, **how)
         if pattern is not None:
             raise InputError("expected --stereo or --pattern: photographs of a scene show no pattern")
-        return [pair.capture for pair in read_pairs(rig, captures, self.matcher)]
+        from retrue.correspondences import require_each_once
+
+        read = [pair.capture for pair in read_pairs(rig, captures, self.matcher)]
+        require_each_once([(capture.name, capture.points) for capture in read])
+        return read
 
     def takes_photographs(self, captures: Sequence[Path]) -> bool:
         """Whether these are pictures of two cameras; a table of their matches is a capture like any other."""

@@ -117,6 +117,8 @@ def _require_within(table: Path, picture: Path, points: Correspondences, size: t
         check_pixels("projector", points.projector_size, points.projector_px[:, points.axes], table)
     beyond = (points.camera_px < -0.5) | (points.camera_px > [size[0] - 0.5, size[1] - 0.5])
     if beyond.any():
+        exchanged = size[0] != size[1] and not (points.camera_px[:, ::-1] > [size[0] - 0.5, size[1] - 0.5]).any()
+        asked = ": are x and y exchanged?" if exchanged and not (points.camera_px < -0.5).any() else ""
         raise FileError(
-            table, f"{int(beyond.any(axis=1).sum())} points lie outside {picture.name}, {size[0]} x {size[1]}"
+            table, f"{int(beyond.any(axis=1).sum())} points lie outside {picture.name}, {size[0]} x {size[1]}{asked}"
         )
