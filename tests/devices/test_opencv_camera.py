@@ -66,7 +66,7 @@ def test_a_stream_that_goes_away_is_gone_on_with_when_it_is_back_and_nobody_else
 
 def test_a_file_gives_its_frames_and_then_says_that_it_has_ended(tmp_path: Path):
     path = tmp_path / "clip.avi"
-    writer = cv2.VideoWriter(str(path), cv2.VideoWriter.fourcc(*"MJPG"), 10, (64, 48))
+    writer = cv2.VideoWriter(str(path), cv2.CAP_OPENCV_MJPEG, cv2.VideoWriter.fourcc(*"MJPG"), 10, (64, 48))
     for level in range(0, 200, 10):
         writer.write(np.full((48, 64, 3), level, np.uint8))
     writer.release()

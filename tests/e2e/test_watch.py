@@ -61,7 +61,9 @@ def test_a_folder_is_watched_and_the_rig_put_right(retrue, files, stream):
 def test_a_video_of_the_demo_scene(retrue, tmp_path):
     picture = cv2.imread(str(DEMO / "scene.jpg"))
     height, width = picture.shape[:2]
-    writer = cv2.VideoWriter(str(tmp_path / "clip.avi"), cv2.VideoWriter.fourcc(*"MJPG"), 25, (width, height))
+    writer = cv2.VideoWriter(
+        str(tmp_path / "clip.avi"), cv2.CAP_OPENCV_MJPEG, cv2.VideoWriter.fourcc(*"MJPG"), 25, (width, height)
+    )
     writer.set(cv2.VIDEOWRITER_PROP_QUALITY, 100)
     for factor in (0.0, 1.0, 1.0):
         writer.write((picture * factor).astype(np.uint8))

@@ -159,7 +159,7 @@ def test_no_folder_is_an_error(tmp_path):
 @pytest.fixture
 def clip(tmp_path: Path) -> Path:
     path = tmp_path / "clip.avi"
-    writer = cv2.VideoWriter(str(path), cv2.VideoWriter.fourcc(*"MJPG"), 25, (64, 48))
+    writer = cv2.VideoWriter(str(path), cv2.CAP_OPENCV_MJPEG, cv2.VideoWriter.fourcc(*"MJPG"), 25, (64, 48))
     for number in range(12):
         writer.write(np.full((48, 64, 3), (0, 0, 20 * number), np.uint8))
     writer.release()
@@ -177,12 +177,20 @@ def test_a_video_is_red_green_blue_and_goes_on_at_the_frame(clip):
 
 
 @pytest.mark.parametrize(
-    "content", [b"", b"#EXTM3U\n/etc/passwd\n", b"ffconcat version 1.0\nfile /etc/passwd\n", b"RIFF\0\0\0\0AVI rubbish"]
+    "content",
+    [
+        b"",
+        b"#EXTM3U\n/etc/passwd\n",
+        b"ffconcat version 1.0\nfile /etc/passwd\n",
+        b"RIFF\0\0\0\0AVI rubbish",
+        b"\0\0\0\x18ftypmp42\0\0\0\0mp42isom" + bytes(500),
+    ],
 )
-def test_what_is_no_video_is_refused(tmp_path, content):
+def test_what_is_no_video_is_refused_and_nobody_else_speaks(tmp_path, capfd, content):
     (tmp_path / "a.avi").write_bytes(content)
     with pytest.raises(FileError, match=r"a\.avi: "):
         list(read_video(tmp_path / "a.avi"))
+    assert capfd.readouterr() == ("", "")
 
 
 def test_a_live_queue_drops_the_oldest_and_counts(tmp_path):

@@ -2,13 +2,10 @@
 
 from __future__ import annotations
 
-import contextlib
 import math
-import os
 import threading
 import time
 from collections import deque
-from collections.abc import Generator
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, cast
@@ -19,12 +16,12 @@ import numpy as np
 from retrue.devices.protocols import CameraFrame
 from retrue.errors import DeviceError
 from retrue.geometry.arrays import Image
+from retrue.video_stream import open_video
 
 BUFFERED = 8  # frames that wait for whoever takes them; older ones are gone
 PATIENCE = 5.0  # seconds without a frame after which a camera is taken for gone
 OPENING = 10_000  # ms for a stream to answer
 MANUAL = 1.0  # of V4L2's exposure modes
-QUIET = "-8"  # of FFmpeg's log levels
 TOLERANCE = 0.25  # of an exposure that a camera may round to a step that it has
 
 
@@ -59,12 +56,7 @@ class OpencvCamera:
         return f"camera {self.device}"
 
     def open(self) -> None:
-        with _silence():
-            if isinstance(self.device, int):
-                capture = cv2.VideoCapture(self.device)
-            else:
-                timeouts = cv2.CAP_PROP_OPEN_TIMEOUT_MSEC, OPENING, cv2.CAP_PROP_READ_TIMEOUT_MSEC, int(1000 * PATIENCE)
-                capture = cv2.VideoCapture(self.device, cv2.CAP_FFMPEG, timeouts)
+        capture = open_video(self.device, OPENING, int(1000 * PATIENCE))
         if not capture.isOpened():
             capture.release()
             raise DeviceError(self.name, "cannot be opened: is it plugged in, and does no other program use it?")
@@ -154,16 +146,3 @@ class OpencvCamera:
         with self._changed:
             self._thread = None
             self._changed.notify_all()
-
-
-@contextlib.contextmanager
-def _silence() -> Generator[None]:
-    """What is wrong is said by us, in one sentence, and not by OpenCV and FFmpeg once more at each try."""
-    os.environ.setdefault("OPENCV_FFMPEG_LOGLEVEL", QUIET)
-    logging = cv2.utils.logging
-    level = logging.getLogLevel()
-    logging.setLogLevel(logging.LOG_LEVEL_SILENT)
-    try:
-        yield
-    finally:
-        logging.setLogLevel(level)

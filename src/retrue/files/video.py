@@ -12,6 +12,7 @@ import numpy as np
 from retrue.errors import FileError
 from retrue.files.images import MAX_PIXELS
 from retrue.geometry.arrays import Image
+from retrue.video_stream import open_video
 
 CONTAINERS = re.compile(
     rb"RIFF....AVI |....(ftyp|moov|mdat|wide|free|skip)|\x1a\x45\xdf\xa3|OggS|FLV|\0\0\x01[\xb3\xba]|G.{187}G",
@@ -49,7 +50,7 @@ def read_video(source: Path | str | int, first: int = 0) -> Iterator[tuple[int, 
     if isinstance(source, Path):
         _require_container(source)
     name = source if isinstance(source, Path) else Path(f"camera {source}" if isinstance(source, int) else source)
-    capture = cv2.VideoCapture(source) if isinstance(source, int) else cv2.VideoCapture(str(source), cv2.CAP_FFMPEG)
+    capture = open_video(source if isinstance(source, int) else str(source))
     try:
         if not capture.isOpened():
             raise FileError(name, "cannot be opened as a video: is it there, and free?")
