@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from itertools import repeat
 from typing import Any
 
 import numpy as np
@@ -77,6 +79,32 @@ def test_a_picture_that_is_lost_whole_shifts_no_other():
     order = [9, 2, 27, 9, 27, 7, 20, 22, 18, 10, 19, 2, 10, 11, 25, 9, 5, 21, 14, 9, 25, 20, 9, 16, 28, 26, 24, 22, 18]
     pictures = [GRAY[index] for index in (*order, 12, 5, 14, 12, 14, 5, 26, 5, 4, 10, 12, 3, 16)]
     recorder.record(pictures[:4])  # measures
+    assert camera.faults(pictures, recorder.record(pictures)) == []
+
+
+def test_what_arrives_late_and_is_lost_while_the_machine_stands_still_shifts_no_picture():
+    """The frame on its way comes when it goes on, those after it not at all: the next is many later, at no gap."""
+
+    class Stalling(Witness):
+        stalls: Iterator[float] = repeat(0.0)
+        held: CameraFrame | None = None
+
+        def frame(self) -> CameraFrame:
+            if self.held is not None:
+                frame, self.held = self.held, None
+                return frame
+            frame = super().frame()
+            end = frame.at + next(self.stalls)
+            while end > frame.at and (self.held is None or self.held.at < end):
+                self.held = super().frame()
+            return CameraFrame(frame.picture, end)
+
+    rig = small_rig(readout=0.2, gamma=2.2)
+    camera, random = Stalling(rig), np.random.default_rng(2)
+    recorder = Recorder(camera, rig.projector)
+    recorder.record(GRAY[:4])  # measures
+    camera.stalls = (random.uniform(0, 0.4) if random.random() < 0.08 else 0.0 for _ in repeat(0))
+    pictures = [GRAY[index] for index in random.integers(len(GRAY), size=30)]
     assert camera.faults(pictures, recorder.record(pictures)) == []
 
 

@@ -195,10 +195,12 @@ class FrameOrder:
                 found.append(self._placed(None, latest - lag, arrival, UNUSUAL * abs(lag), seen))
         else:
             gap = (arrival - self._arrived) / self.shutter.period
+            punctual = self._late(arrival - self.shutter.start)
             for numbering in self._alive:
-                for step in sorted({*range(1, 2 + MOST_LOST), max(1, round(gap)), max(1, round(gap) + 1)}):
-                    number = numbering.last.number + step
-                    found.append(self._placed(numbering, number, arrival, LOST * (step - 1), seen))
+                last = numbering.last.number
+                steps = {round(gap), round(gap) + 1, *(punctual - late - last for late in numbering.lags)}
+                for step in sorted({*range(1, 2 + MOST_LOST), *(step for step in steps if step > 0)}):
+                    found.append(self._placed(numbering, last + step, arrival, LOST * min(step - 1, MOST_LOST), seen))
         found.sort(key=lambda one: -one.score)
         rivals = dict[tuple[int, int, bytes], list[_Numbering]]()
         for one in found:

@@ -122,12 +122,12 @@ class SimulatedRig:
             raise DeviceError(
                 "simulated projector", f"expected a picture of {expected[1]} x {expected[0]}, found {picture.shape}"
             )
-        on = max(self.now(), at)
-        if self.options.refresh_hz > 0:
-            on = float(np.ceil(on * self.options.refresh_hz - 1e-6) / self.options.refresh_hz)
-        self._wait_until(on)
-        with self._lock:
+        with self._lock:  # entered before it is on: a frame holds it though this thread sleeps too long
+            on = max(self.now(), at)
+            if self.options.refresh_hz > 0:
+                on = float(np.ceil(on * self.options.refresh_hz - 1e-6) / self.options.refresh_hz)
             self._shown.append(Exposed(on, picture, self._world))
+        self._wait_until(on)
         return on
 
     def frame(self) -> SimulatedFrame:
@@ -160,7 +160,11 @@ class SimulatedRig:
         world = SimulatedLight(rig, self.options, self._world.board if board is None else board)
         with self._lock:
             self.true_rig, self._world = rig, world
-            self._shown.append(Exposed(self.now(), self._shown[-1].picture, world))
+            now, coming = self.now(), list[Exposed]()
+            while self._shown[-1].since > now:
+                coming.append(self._shown.pop())
+            self._shown.append(Exposed(now, self._shown[-1].picture, world))
+            self._shown.extend(Exposed(shown.since, shown.picture, world) for shown in reversed(coming))
 
     def _wait_until(self, moment: float) -> None:
         if self.options.real_time:
