@@ -87,6 +87,17 @@ def test_a_bump_is_found_kept_and_undone(studio: Studio):
     assert asked(studio, studio.keep).message == "there is nothing to keep: check the rig first"
 
 
+def test_frames_that_no_page_shows_are_not_decoded(studio: Studio, monkeypatch: pytest.MonkeyPatch):
+    monkeypatch.setattr("retrue.studio.studio.REFRESH", 1e6)
+    number = wait(studio, lambda state: state.look is not None).number
+    frame, taken = SimulatedRig.frame, list[int]()
+    monkeypatch.setattr(SimulatedRig, "frame", lambda rig: taken.append(1) or frame(rig))
+    assert wait(studio, lambda _: len(taken) > 10).number <= number + 1  # one may have been under way
+    number = studio.state.number
+    asked(studio, studio.check)
+    wait(studio, lambda state: state.number == number + 1)  # what was asked for is seen at once
+
+
 def test_a_studio_that_was_killed_goes_on_with_the_rig_that_was_kept(studio: Studio, tmp_path: Path):
     wait(studio, lambda state: state.look is not None)
     asked(studio, lambda: studio.bump(2.0))

@@ -10,9 +10,8 @@ from retrue.studio.calibrate_card import BAD, GOOD, CalibrateCard
 from retrue.studio.drawings import dots, drift_plot, outlines
 from retrue.studio.look import Look
 from retrue.studio.state import State
-from retrue.studio.studio import NO_RIG, Studio
+from retrue.studio.studio import NO_RIG, REFRESH, Studio
 
-REFRESH = 0.25  # seconds
 SPACE = "width:100%;height:480px;border:0"
 METERS = ("light", "clipping", "focus", "stillness", "blocks")
 

@@ -40,6 +40,7 @@ from retrue.studio.state import Offer, State
 Wish = tuple[str, Callable[[LiveRig, ColorGrid], None]]
 """What is done in words, and the work."""
 PAUSE = 1.0  # seconds until a device that is not there is tried again
+REFRESH = 0.25  # seconds between two looks, as pages show them: frames in between are for nobody
 WATCH_SECONDS = 5.0  # between two looks of a watch
 OLD_FRAMES = 8  # that may wait in a camera
 NO_RIG = "there is no rig yet: calibrate it"
@@ -63,6 +64,7 @@ class Studio:
     _calibrating: Calibrating | None = None
     _held_for: int = -1
     _scene: str = ""
+    _looked: float = 0.0
     _watched: float = 0.0
 
     def __post_init__(self) -> None:
@@ -232,6 +234,7 @@ class Studio:
             finally:
                 self._set(busy="", rig_there=self.rig_path.exists())
             live.projector.show(self._shown(live, pattern))
+            self._looked = 0.0
             before = self._look(live, pattern, self._settled(live))  # what was seen before it is no more
 
     def _expose(self, live: LiveRig) -> None:
@@ -250,6 +253,9 @@ class Studio:
         picture = live.camera.frame().picture
         number = self.state.number + 1
         if self._calibrating is None:
+            if time.monotonic() < self._looked:
+                return picture
+            self._looked = time.monotonic() + REFRESH
             look = look_at(pattern, picture, before)
             self._set(number=number, look=look, calibration=None)
             self._watch(look)
