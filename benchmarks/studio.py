@@ -48,7 +48,7 @@ def main() -> None:
     parser = argparse.ArgumentParser()
     parser.add_argument("--frames", type=int, default=5000)
     asked = parser.parse_args()
-    module.WATCH_SECONDS = 0.0
+    module.WATCH_SECONDS = module.REFRESH = 0.0  # each frame
     latency()
     memory(asked.frames)
 
