@@ -27,10 +27,11 @@ NOISE_SIGMAS, SAMPLING = 3.0, 0.01  # on the other's surface is what is so near;
 COARSE_CELLS = (1.0, 1.4, 2.0)  # by half octaves: shapes of one size that fail are told by others
 COARSE_REACH = 4.0
 MATCHER_CELL = 0.3
-TURNS = "I"  # an icosahedron's turns onto itself, 26 of which leave two cameras on one side: none is farther than 45
-# degrees from one of them, and surfaces find each other over so much
+TURNS = 240  # none is farther than 38 degrees from one of these, few than 27: surfaces of views 60 degrees apart find
+# each other over 20 degrees nearly always, over 40 half of the time
+SPIRALS = (np.sqrt(2.0), 1.533751168755204288118041)  # periods, the second with psi^4 = psi + 4
 BEHIND = (0.4, 1.0, 1.6)  # what is seen of an object lies so far before its middle, in standard deviations of its width
-TRIALS = ((150, 10), (300, 20))  # points and steps: all starts, then the likeliest ones again
+TRIALS = ((100, 5), (300, 20))  # points and steps: all starts, then the likeliest ones again
 MOST_TURNS = 8  # of the places that they lead to
 TRIAL_REACH, TRIAL_NEIGHBOURS = 6.0, 6
 EVERY = 16  # points, of which one tells whether poses are alike
@@ -110,24 +111,38 @@ def turned_poses(first: View, second: View, cell: float) -> list[RigidTransform]
 
     Far turned views have too little in common for shapes to tell.
     """
-    from scipy.spatial.transform import Rotation
-
-    turns = np.array(Rotation.create_group(TURNS).as_matrix())
     middles = [(_middle(first, behind), _middle(second, behind)) for behind in BEHIND]
-    poses = [RigidTransform(R, one - R @ other) for one, other in middles for R in turns[turns[:, 2, 2] > 0]]
+    facing = [R for R in _all_around(TURNS) if R[2, 2] > 0]  # else no surface faces both cameras
+    poses = [RigidTransform(R, one - R @ other) for one, other in middles for R in facing]
     for count, steps in TRIALS:
         places = second.points[:: -(-len(second.points) // count)]
         few = prepared(places, TRIAL_NEIGHBOURS)
         poses = [_aligned(first, few, pose, TRIAL_REACH * cell, steps) for pose in poses]
         poses = sorted(poses, key=lambda pose: -_share_near(first, pose.apply(places), cell))
-        poses = _distinct(second, poses, cell)[:MOST_TURNS]
+        poses = _distinct(second, poses, cell)
     return poses
 
 
+def _all_around(count: int) -> FloatArray:
+    """(count, 3, 3) evenly spread turns.
+
+    Source: M. Alexa, "Super-Fibonacci spirals: fast, low-discrepancy sampling of SO(3)", CVPR 2022.
+    """
+    from scipy.spatial.transform import Rotation
+
+    along = np.arange(count) + 0.5
+    inner, outer = np.sqrt(along / count), np.sqrt(1 - along / count)
+    one, other = (2 * np.pi * along / each for each in SPIRALS)
+    turns = np.column_stack([inner * np.sin(one), inner * np.cos(one), outer * np.sin(other), outer * np.cos(other)])
+    return np.array(Rotation.from_quat(turns).as_matrix())
+
+
 def _distinct(view: View, poses: Sequence[RigidTransform], cell: float) -> list[RigidTransform]:
-    """Poses that put a view to places of their own, the first of each."""
+    """The first few poses that put a view to places of their own."""
     found: list[RigidTransform] = []
     for pose in poses:
+        if len(found) == MOST_TURNS:
+            break
         if not any(alike(view, pose, other, cell) for other in found):
             found.append(pose)
     return found

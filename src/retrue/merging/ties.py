@@ -27,18 +27,20 @@ def good(pair: Pair, options: MergeOptions) -> bool:
 def ties(views: Sequence[View], options: MergeOptions, cell: float, tried: Tried, progress: Progress | None) -> Poses:
     """Poses of the most views that can be tied, the first one's frame the object's; pairs tried go into `tried`.
 
-    Neighbours in the order of taking first; of each pair the pose that has most for it.
+    Neighbours in the order of taking first; of each pair the pose that has most for it. What a pair does not prove by
+    itself waits for all that do: the back of an object may pass for its front, until another view knows better.
     """
     if options.turntable:
         return _turned(views, options, cell, tried)
     count = len(views)
     groups: list[Poses] = [{view: RigidTransform.identity()} for view in range(count)]
-    for step in range(1, count):
+    for step in range(1, count + 1):
         for first in range(count - step):
             second = first + step
             if not any(first in group and second in group for group in groups):
                 tried[first, second] = _best(first, second, views, options, cell)
-        found = [pair for pair in tried.values() if good(pair, options)]
+        last = step == count
+        found = [pair for pair in tried.values() if good(pair, options) and (pair.evidence >= PROVEN or last)]
         for pair in sorted(found, key=lambda each: -each.evidence):  # again, as there are more to ask now
             groups = _joined(groups, pair, views, cell)
             if progress is not None:
