@@ -2,11 +2,13 @@
 
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 
 from retrue.geometry.transform import RigidTransform, vector_from_rotation
 from retrue.merging import ties
 from retrue.merging.merge import Merged, RefusedMerge, merge
-from retrue.merging.pairs import alike, fine_pair, turned_poses
+from retrue.merging.options import MergeOptions
+from retrue.merging.pairs import TURNS, Pair, _all_around, alike, fine_pair, turned_poses
 from retrue.merging.sight import Sight, evidence
 from retrue.merging.view import make_view
 from retrue.reconstruction.cloud import Cloud
@@ -122,3 +124,29 @@ def test_what_lies_beyond_the_picture_is_not_missed():
 def test_an_object_that_ends_within_the_picture_is_not_cut_off():
     field = make_view(cube_view(0.6, np.random.default_rng(5)).points, None, CELL).field
     assert np.isinf(field).sum() >= 3
+
+
+def test_turns_are_tried_all_around():
+    turns = Rotation.from_matrix(_all_around(TURNS))
+    apart = [(turns.inv() * any_turn).magnitude().min() for any_turn in Rotation.random(300, random_state=8)]
+    assert np.degrees(max(apart)) < 38
+    assert np.degrees(np.quantile(apart, 0.9)) < 28
+
+
+def test_what_a_pair_does_not_prove_waits_for_those_that_do(monkeypatch):
+    """Two views next to each other that may be front and back; a third, tried later, knows better."""
+    odds = {(0, 1): 1.0, (1, 2): -20.0, (0, 2): 9.0}
+    heard = []
+
+    def joined(groups, pair, *_):
+        heard.append((pair.first, pair.second))
+        return groups
+
+    def best(first, second, *_):
+        return Pair(first, second, RigidTransform.identity(), 0.5, 0.0, 0.0, odds[first, second])
+
+    monkeypatch.setattr(ties, "_best", best)
+    monkeypatch.setattr(ties, "_joined", joined)
+    ties.ties([None] * 3, MergeOptions(), CELL, {}, None)
+    assert heard.index((0, 2)) < heard.index((0, 1))
+    assert (0, 1) in heard
