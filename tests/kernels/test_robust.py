@@ -118,25 +118,3 @@ def test_rows_that_are_silenced() -> None:
         kernel.silence(families, weights, rows.view(np.uint8), values, left)
         np.testing.assert_array_equal(values, np.where(rows, np.nan, families))
         np.testing.assert_array_equal(left, np.where(rows, 0.0, weights))
-
-
-def test_one_step_is_that_of_the_points_that_share_it() -> None:
-    rng = np.random.default_rng(5)
-    forth = np.column_stack([rng.uniform(-0.5, 0.5, (60, 2)), np.full(60, 1.0)])
-    weights, step = rng.uniform(0.8, 1.2, 60), np.array([0.1, -0.05, 0.02])
-    there = forth + weights[:, None] * step
-    places = there[:, :2] / there[:, 2:] + rng.normal(0, 1e-4, (60, 2))
-    places[40:] += rng.uniform(0.02, 0.2, (20, 2))
-    found = []
-    for kernel in (robust, plain("robust")):
-        members, missed = np.ones(60, dtype=np.uint8), np.zeros((60, 2))
-        kernel.of_one_step(places, forth, weights, 1e-3, 12, members, missed, np.empty(60))
-        assert members[:40].all()
-        assert not members[40:].any()
-        found.append(missed)
-    np.testing.assert_array_equal(*found)
-    assert np.abs(found[0][:40]).max() < 5e-4
-    few = np.arange(60, dtype=np.int64) < 2  # two tell no step
-    members = few.astype(np.uint8)
-    robust.of_one_step(places, forth, weights, 1e-3, 12, members, np.zeros((60, 2)), np.empty(60))
-    assert not members.any()

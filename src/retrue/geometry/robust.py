@@ -14,7 +14,6 @@ from typing import cast
 import numpy as np
 
 from retrue.geometry.arrays import BoolArray, FloatArray, IntArray
-from retrue.kernels import copies
 from retrue.kernels import robust as kernel
 
 MAD_TO_SIGMA = 1.4826
@@ -28,7 +27,6 @@ COVARIANCE_FACTOR = 0.9651  # E[w] E[psi^2] / E[psi']^2 likewise: inverse inform
 SMALLEST_LEVEL = 1e-9  # of the nominal sigma: exact points
 STEPS = 4
 ENOUGH_VALUES = 4000  # to start from
-STRIPS = 64
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -196,18 +194,3 @@ def noises_and_weights(
         else:
             noises.append(Noise(level, shared, variance))
     return noises, weights
-
-
-def within_reach_of_mode(places: FloatArray, centres: int, reach: float) -> BoolArray:
-    """(N,) places (N, 2) within reach, along both axes, of the one that has the most of them there.
-
-    Some `centres` of them are asked, evenly over the rows.
-
-    >>> within_reach_of_mode(np.array([[0.0, 0.0], [5.0, 5.0], [5.1, 4.9]]), 3, 0.2).tolist()
-    [False, True, True]
-    """
-    members = np.empty(len(places), dtype=np.bool_)
-    every = max(1, len(places) // centres)
-    room = np.empty(STRIPS + 2, dtype=np.int64), np.empty((2, len(places)))
-    copies.within_reach_of_mode(np.ascontiguousarray(places.T), every, reach, *room, members.view(np.uint8))
-    return members

@@ -8,22 +8,28 @@ from retrue.geometry.arrays import FloatArray
 from retrue.geometry.two_view import FREE, TwoViewPoints
 
 BOWS = 3
+MONOMIALS = 10  # of two variables, of degree three and less
 CURVED = 30.0  # times as bowed as walls are: balls, pipes, faces; curled paper, clapboards
 SCALES = np.geomspace(0.003, 3.7, 19)
 """Of the stated flatness, how far planes may be bowed: alike before the points speak; their mean square is 1."""
 
 
-def bend_at(x: FloatArray, known: FloatArray, bend: FloatArray, degree: int = 2) -> FloatArray:
-    """(N,) by how much a plane is bent at rays x (N, 2), from what it is at those known (M, 2): a polynomial of them.
+def bend_of(known: FloatArray, bend: FloatArray, degree: int = 2) -> FloatArray:
+    """(14,) by how much a plane is bent at any ray x, from what it is at those known (M, 2): a polynomial of them.
+
+    That is their centre (2,) and scale (2,), and what each of ten monomials of (x - centre) / scale counts.
 
     >>> known = np.array([[u, v] for u in (-1.0, 0.0, 1.0) for v in (-1.0, 0.0, 1.0)])
-    >>> bend_at(np.array([[0.5, 2.0]]), known, known[:, 0] ** 2 - known[:, 0] * known[:, 1]).round(6)
-    array([-0.75])
+    >>> (bend_of(known, known[:, 0] ** 2 - known[:, 0] * known[:, 1]).round(3) + 0.0).tolist()
+    [0.0, 0.0, 0.816, 0.816, 0.0, 0.0, 0.0, 0.667, -0.667, 0.0, 0.0, 0.0, 0.0, 0.0]
     """
     centre, scale = known.mean(axis=0), np.maximum(known.std(axis=0), 1e-300)
-    there, here = (_monomials(u, v, degree) for u, v in (((rays - centre) / scale).T for rays in (known, x)))
-    told = np.linalg.lstsq(there @ there.T, there @ bend, rcond=None)[0]
-    return np.asarray(told @ here, dtype=np.float64)
+    around = ((known - centre) / scale).T
+    there = _monomials(around[0], around[1], degree)
+    found = np.zeros(4 + MONOMIALS)
+    found[:2], found[2:4] = centre, scale
+    found[4 : 4 + len(there)] = np.linalg.lstsq(there @ there.T, there @ bend, rcond=None)[0]
+    return found
 
 
 def _monomials(u: FloatArray, v: FloatArray, degree: int) -> FloatArray:

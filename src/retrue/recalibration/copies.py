@@ -6,11 +6,10 @@ from dataclasses import replace
 
 import numpy as np
 
-from retrue.geometry.arrays import BoolArray, FloatArray, IntArray
-from retrue.geometry.robust import quantile, within_reach_of_mode
+from retrue.geometry.arrays import BoolArray, FloatArray
+from retrue.geometry.robust import quantile
 from retrue.geometry.two_view import FREE
-from retrue.kernels import robust as robust_kernel
-from retrue.recalibration.costs import worth_of
+from retrue.recalibration.costs import worth_at_most, worth_of
 from retrue.recalibration.parts import (
     A_COPY,
     ALIKE,
@@ -22,12 +21,9 @@ from retrue.recalibration.parts import (
 )
 from retrue.recalibration.posterior import Posterior
 from retrue.recalibration.shifted_codes import shifted_codes
-from retrue.recalibration.shifts import PlaneShifts, shifts_from_planes
+from retrue.recalibration.shifts import FEWEST_OF_A_COPY, Shifts, shifts_from_planes
 
-FEWEST_OF_A_COPY = 6  # what its price is paid by; what one shift puts in place along both axes is no chance
-ROUGH_STEP, STEPPED = 0.1, 8  # of a step, by which perspective makes it differ at first; and fits of it
-MOST_MODES = 3
-CENTRES = 50  # shifts to look for others about
+PARAMETERS = 3, 3, 2, 2  # of steps in space up either axis, and of shifts in the pixels of either device
 
 
 def shifted_copy(posterior: Posterior, outside: BoolArray) -> Part | None:
@@ -40,66 +36,37 @@ def shifted_copy(posterior: Posterior, outside: BoolArray) -> Part | None:
     return found[0] if found else None
 
 
-def _shifted_copy(posterior: Posterior, outside: BoolArray, rows: IntArray, planes: list[PlaneShifts]) -> Part | None:
-    """The same, of the rows that are outside, as the planes have them."""
-    points, measured = posterior.points, posterior.measured
-    focals = measured.rig.projector.K[0, 0], measured.rig.camera.K[0, 0]
-    sigma = sigma_of(points.select(rows))
-    noise = 4 * float(quantile(sigma, 0.5) * posterior.fit.along_noise.total)
-    found: list[Part] = []
+def _shifted_copy(posterior: Posterior, outside: BoolArray, shifts: Shifts) -> Part | None:
+    """The same, of the points that are outside, as the planes have them: the one of most worth.
 
-    def take(mode: BoolArray, missed: FloatArray, parameters: int, plane: int) -> None:
-        """Of `missed` (rows, 2); what lies between a plane's points is a copy of these, not of what it is itself."""
-        count = int(np.count_nonzero(mode))
-        if count < FEWEST_OF_A_COPY:
-            return
-        copied = np.count_nonzero((points.plane_index == plane) & ~outside)
-        copy = np.zeros(len(outside), dtype=np.bool_)
-        copy[rows[mode]] = True
-        relative: FloatArray = missed[mode] / sigma[mode, None]
-        seldom = max(0.0, 1 - copied / count)
-        found.append(Part(A_COPY, copy, parameters, relative, level_of(relative), seldom=seldom))
-
-    for seen in planes:
-        for axis in range(2 if measured.textured else 0):
-            mode, missed = _stepped(seen, axis, noise)
-            take(mode, missed, 3, seen.plane)
-        for shift, focal in zip(seen.pixels, focals, strict=True):
-            mode = within_reach_of_mode(shift, CENTRES, noise * focal)
-            middle = np.array([quantile(along, 0.5) for along in shift[mode].T]) if mode.any() else np.zeros(2)
-            if np.abs(middle).max() > noise * focal:  # what lies where the plane has it is no copy
-                take(mode, (shift - middle) / focal, 2, seen.plane)
-    return max(found, key=lambda copy: worth_of(copy, posterior), default=None)
-
-
-def _stepped(seen: PlaneShifts, axis: int, noise: float) -> tuple[BoolArray, FloatArray]:
-    """(N,) points that lie one step p from their plane's, y ~ H x + p (n x) or less that; and what (N, 2) they miss.
-
-    Which way is told by the sign along an axis. What moved has steps, too, and often more: each mode of them is asked.
+    What lies between a plane's points is a copy of these, not of what it is itself. They are built by what their number
+    may be worth at most, until none left is worth more than the best.
     """
-    relative, apart = seen.relative[axis], seen.gaps > noise
-    asked, best, missed = apart.copy(), np.zeros(len(apart), dtype=np.bool_), np.zeros((len(apart), 2))
-    for _ in range(MOST_MODES):
-        rows = np.flatnonzero(asked)
-        rough = rows[within_reach_of_mode(np.take(relative, rows, axis=0), CENTRES, ROUGH_STEP)]
-        if len(rough) < FEWEST_OF_A_COPY:
+    points, measured = posterior.points, posterior.measured
+    sigma = sigma_of(points)[shifts.rows]
+    noise = 4 * float(quantile(sigma, 0.5) * posterior.fit.along_noise.total)
+    focals = np.array([measured.rig.projector.K[0, 0], measured.rig.camera.K[0, 0]])
+    modes, missed, counts = shifts.modes(noise, focals)
+    shown = np.bincount(points.plane_index[~outside] + 1, minlength=len(posterior.pose.planes) + 1)[1:]
+    candidates: list[tuple[float, int, int, float]] = []
+    for number, (plane, own) in enumerate(zip(shifts.planes.tolist(), counts.tolist(), strict=True)):
+        for kind, count in enumerate(own):
+            if count >= FEWEST_OF_A_COPY:
+                seldom = max(0.0, 1 - int(shown[plane]) / count)
+                candidates.append((worth_at_most(count, PARAMETERS[kind], seldom), number, kind, seldom))
+    best, most = None, -np.inf
+    for bound, number, kind, seldom in sorted(candidates, key=lambda candidate: -candidate[0]):
+        if not bound > most:
             break
-        asked[rough] = False
-        mode, off = _of_one_step(seen.places, seen.forth, seen.weights[axis], rough, noise)
-        if np.count_nonzero(mode & apart) > np.count_nonzero(best):
-            best, missed = mode & apart, off
-    return best, missed
-
-
-def _of_one_step(
-    y: FloatArray, forth: FloatArray, w: FloatArray, rows: IntArray, noise: float
-) -> tuple[BoolArray, FloatArray]:
-    """(N,) points where y ~ forth + w p, for the p of most of those rows; and what (N, 2) they miss."""
-    mode = np.zeros(len(y), dtype=np.bool_)
-    mode[rows] = True
-    missed = np.zeros((len(y), 2))
-    robust_kernel.of_one_step(y, forth, w, noise, STEPPED, mode.view(np.uint8), missed, np.empty(len(y)))
-    return mode, missed
+        mode = modes[number, kind]
+        copy = np.zeros(len(outside), dtype=np.bool_)
+        copy[shifts.rows[mode]] = True
+        relative: FloatArray = missed[number, kind][mode] / sigma[mode, None]
+        part = Part(A_COPY, copy, PARAMETERS[kind], relative, level_of(relative), seldom=seldom)
+        worth = worth_of(part, posterior)
+        if worth > most:
+            best, most = part, worth
+    return best
 
 
 def copies_of_planes(posterior: Posterior, outside: BoolArray) -> list[Part]:
@@ -157,14 +124,13 @@ def shifted_copies(posterior: Posterior, outside: BoolArray, most: int = MOST_CO
     found, rows = list[Part](), np.flatnonzero(outside)
     if len(rows) < FEWEST_OF_A_COPY or not len(posterior.pose.planes) or posterior.explains_no_plane:
         return found
-    planes: list[PlaneShifts] = shifts_from_planes(posterior, rows)
-    while (copy := _shifted_copy(posterior, outside, rows, planes)) is not None:
+    shifts = shifts_from_planes(posterior, rows)
+    while (copy := _shifted_copy(posterior, outside, shifts)) is not None:
         found.append(copy)
-        left = ~copy.rows[rows]
+        left = ~copy.rows[shifts.rows]
         if len(found) == most or np.count_nonzero(left) < FEWEST_OF_A_COPY:
             break
-        outside, rows = outside & ~copy.rows, rows[left]
-        planes = [seen.select(left) for seen in planes]
+        outside, shifts = outside & ~copy.rows, shifts.select(left)
     return found
 
 

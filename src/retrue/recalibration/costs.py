@@ -167,6 +167,11 @@ def worth_of(part: Part, posterior: Posterior) -> float:
     return float(np.maximum(saved, 0.0).sum()) - price_of(part)
 
 
+def worth_at_most(count: int, parameters: int, seldom: float) -> float:
+    """What so many points of a copy may be worth, if it misses none of them."""
+    return count * (2 * UNEXPLAINED - SELDOM * seldom) - parameters * PARAMETER - RARE
+
+
 def least(posteriors: list[Posterior], asides: Sequence[Part] = ()) -> Posterior:
     """The posterior of least cost; of those that its sigma holds, the one that the lenses as they are fit best."""
     if len(posteriors) == 1:

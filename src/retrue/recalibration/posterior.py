@@ -218,6 +218,13 @@ class Posterior:
 
         return parts_of(self)
 
+    @cached_property
+    def bent_planes(self) -> tuple[IntArray, FloatArray]:
+        """The largest planes, of which there may be copies, and how each is bent: see `shifts.bent_planes`."""
+        from retrue.recalibration.shifts import bent_planes
+
+        return bent_planes(self)
+
     @property
     def lens_covariance(self) -> FloatArray:
         """(8, 8) of free lenses, all else being free too."""
