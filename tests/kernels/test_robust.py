@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from retrue.geometry.robust import CUTOFF, biweight_loss
 from retrue.kernels import robust
 from tests.kernels.plain import plain
 
@@ -118,3 +119,16 @@ def test_rows_that_are_silenced() -> None:
         kernel.silence(families, weights, rows.view(np.uint8), values, left)
         np.testing.assert_array_equal(values, np.where(rows, np.nan, families))
         np.testing.assert_array_equal(left, np.where(rows, 0.0, weights))
+
+
+def test_a_loss_is_added_up_to_the_most() -> None:
+    values = np.random.default_rng(6).normal(0, 3, (40, 2))
+    values[3], values[7] = np.nan, 1e9
+    found = []
+    for kernel in (robust, plain("robust")):
+        total = np.linspace(0, 1, 40)
+        kernel.add_loss(values, 1, 0.7, 2.0, CUTOFF, 12.0, total)
+        found.append(total)
+    np.testing.assert_array_equal(*found)
+    expected = np.linspace(0, 1, 40) + np.minimum(biweight_loss(values[:, 1] / 0.7) + 2.0, 12.0)
+    np.testing.assert_allclose(found[0], expected)

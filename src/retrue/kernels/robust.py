@@ -333,3 +333,23 @@ def loss(
         inside = 1 - relative * relative
         total += (1 - inside * inside * inside if inside > 0 else 1.0) / variance[k]
     return total * level * level * cutoff * cutoff / 3
+
+
+def add_loss(
+    values: cython.const[cython.double][:, ::1],
+    family: cython.Py_ssize_t,
+    level: cython.double,
+    louder: cython.double,
+    cutoff: cython.double,
+    most: cython.double,
+    total: cython.double[::1],
+) -> None:
+    """`total` (N,) += that loss of one family of values (N, K) over their level, and `louder`; together no more than
+    the most."""
+    cython.declare(k=cython.Py_ssize_t)
+    scale, largest = 1 / (cutoff * level), cutoff * cutoff / 3
+    for k in range(values.shape[0]):
+        relative = values[k, family] * scale
+        inside = 1 - relative * relative
+        lost = louder + (largest * (1 - inside * inside * inside) if inside > 0 else largest)
+        total[k] += lost if lost < most else most

@@ -9,8 +9,9 @@ from math import hypot, log
 import numpy as np
 
 from retrue.geometry.arrays import BoolArray, FloatArray
-from retrue.geometry.robust import Noise, biweight_loss
+from retrue.geometry.robust import CUTOFF, Noise, biweight_loss
 from retrue.geometry.two_view import FREE
+from retrue.kernels import robust as kernel
 from retrue.recalibration.fit import PoseFit
 from retrue.recalibration.measured import MISFIT_PX
 from retrue.recalibration.parts import A_COPY, Part, of_another_pose
@@ -151,13 +152,13 @@ def _costs_of_part(part: Part, posterior: Posterior, floor: Floor, along: FloatA
     explained = price_of_a_point(part, posterior.measured) - along
     if part.missed.shape[1] == 1:
         explained = explained + np.where(posterior.points.plane_index[part.rows] != FREE, UNEXPLAINED, 0.0)
-    families = zip(part.missed.T, posterior.fit.noises, (floor.across, floor.along), strict=False)
-    for missed, noise, least in families:
+    families = zip(range(part.missed.shape[1]), posterior.fit.noises, (floor.across, floor.along), strict=False)
+    for family, noise, least in families:
         quietest, level = hypot(least.level, MISFIT_PX), hypot(part.level, MISFIT_PX)
         if part.level < least.level:  # it gains nothing by that: what real lenses leave over is as large a share of it
             level = part.level * quietest / least.level
         louder = 2 * max(log(max(level, hypot(noise.level, MISFIT_PX)) / quietest), 0.0)
-        explained = explained + np.minimum(biweight_loss(missed / level) + louder, UNEXPLAINED)
+        kernel.add_loss(part.missed, family, level, louder, CUTOFF, UNEXPLAINED, explained)
     return explained
 
 
