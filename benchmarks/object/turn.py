@@ -81,11 +81,11 @@ def main(seed: int, count: int) -> None:
     if "--foreign" in sys.argv:
         others, other_poses = make_views(seed + 1000, 1)
         clouds, poses = [*clouds, *others], [*poses, *other_poses]
-    kept: list[tuple[list[View], list[tuple[int, int]], float, Adjusted]] = []
+    kept: list[tuple[dict[int, View], list[tuple[int, int]], float, Adjusted]] = []
     adjust = merging.adjust
 
     def watched(
-        views: list[View], start: dict[int, RigidTransform], pairs: list[tuple[int, int]], cell: float
+        views: dict[int, View], start: dict[int, RigidTransform], pairs: list[tuple[int, int]], cell: float
     ) -> Adjusted:
         kept.append((views, list(pairs), cell, adjust(views, start, pairs, cell)))
         return kept[-1][-1]

@@ -5,7 +5,7 @@ import pytest
 
 from retrue.errors import DegenerateError, InputError
 from retrue.geometry.transform import vector_from_rotation
-from retrue.merging.merge import Merged, NoCommonSurface, NothingInCommon, RefusedMerge, merge
+from retrue.merging.merge import Merged, NoCommonSurface, NoSurface, NothingInCommon, RefusedMerge, merge
 from retrue.merging.options import MergeOptions
 from retrue.reconstruction.cloud import Cloud
 from tests.merging.objects import HEIGHTS, off_surface, seen, turntable, view_pose
@@ -102,6 +102,55 @@ def test_a_turntable_is_told_by_the_number_of_its_steps(turn):
         merge(clouds[:5], MergeOptions(turntable=12))
 
 
+def without_surface(cloud):
+    """Of the same camera: few points, none, none that is known, dust, all in one place, and along a line."""
+    random = np.random.default_rng(2)
+    grey, nowhere = np.full((400, 3), 99, np.uint8), np.full((400, 2), np.nan)
+    line = np.array([1.0, 2.0, 400.0]) + np.linspace(0, 50, 400)[:, None] * [1.0, 0.2, 0.1]
+    places = {
+        "unknown.ply": np.full((400, 3), np.nan),
+        "dust.ply": random.normal([0, 0, 400.0], 20.0, (400, 3)),
+        "place.ply": np.full((400, 3), 400.0),
+        "line.ply": line,
+    }
+    few = {"few.ply": cloud.select(np.arange(49)), "none.ply": cloud.select(np.arange(0))}
+    return few | {name: Cloud(points, grey, nowhere, cloud.unit) for name, points in places.items()}
+
+
+def test_views_without_a_surface_are_left_out_and_named(turn):
+    """One of twelve that was taken into the light would undo the work on all others."""
+    clouds, poses = turn
+    useless = without_surface(clouds[0])
+    handed, true = [clouds[0], *useless.values(), clouds[1], clouds[2]], [poses[0], *[None] * 6, *poses[1:3]]
+    names = ["a.ply", *useless, "b.ply", "c.ply"]
+    found = merge(handed, names=names)
+    assert isinstance(found, Merged)
+    assert list(found.poses) == [0, 7, 8]
+    assert {names[view] for view in found.left_out} == set(useless)
+    assert all(isinstance(reason, NoSurface) for reason in found.left_out.values())
+    assert "few.ply was left out: expected 50 points on a surface, found 49" in found.reason
+    assert "none.ply was left out: expected 50 points on a surface, found 0" in found.reason
+    assert raw_rms(handed, true, found.poses) < 1.05 * NOISE
+
+
+def test_a_turntable_goes_on_past_a_view_without_a_surface(turn):
+    clouds, poses = turn
+    handed = [*clouds[:4], clouds[4].select(np.arange(20)), *clouds[5:]]
+    found = merge(handed, MergeOptions(turntable=12))
+    assert isinstance(found, Merged)
+    assert list(found.left_out) == [4]
+    assert len(found.poses) == 11
+    true = {view: poses[0] @ poses[view].inverse() for view in found.poses}
+    assert raw_rms(handed, poses, found.poses) < 1.01 * raw_rms(handed, poses, true)
+
+
+def test_a_refusal_names_what_was_not_asked(turn):
+    found = merge([turn[0][0], turn[0][1].select(np.arange(9)), turn[0][6]], names=["front", "few", "back"])
+    assert isinstance(found, RefusedMerge)
+    assert "no two of 2 views show a common surface" in found.reason
+    assert "few was left out: expected 50 points on a surface, found 9" in found.reason
+
+
 def test_what_does_not_overlap_is_refused(turn):
     clouds, _ = turn
     found = merge([clouds[0], clouds[6]], names=["front", "back"])
@@ -120,6 +169,8 @@ def test_rubbish_is_refused(turn):
     few = cloud.select(np.arange(10))
     with pytest.raises(DegenerateError, match="few: merge: expected 50 points on a surface, found 10"):
         merge([cloud, few], names=["many", "few"])
+    with pytest.raises(DegenerateError, match=r"few\.ply: merge: .* of 7 views fewer than two are left"):
+        merge([*without_surface(cloud).values(), cloud], names=[*without_surface(cloud), "many.ply"])
 
 
 def test_dust_is_refused():

@@ -147,6 +147,6 @@ def test_what_a_pair_does_not_prove_waits_for_those_that_do(monkeypatch):
 
     monkeypatch.setattr(ties, "_best", best)
     monkeypatch.setattr(ties, "_joined", joined)
-    ties.ties([None] * 3, MergeOptions(), CELL, {}, None)
+    ties.ties(dict.fromkeys(range(3)), MergeOptions(), CELL, {}, None)
     assert heard.index((0, 2)) < heard.index((0, 1))
     assert (0, 1) in heard

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -41,7 +41,7 @@ class Adjusted:
 
 
 def adjust(
-    views: Sequence[View], poses: dict[int, RigidTransform], pairs: Sequence[tuple[int, int]], cell: float
+    views: Mapping[int, View], poses: dict[int, RigidTransform], pairs: Sequence[tuple[int, int]], cell: float
 ) -> Adjusted:
     """Poses at which all pairs' surfaces lie on each other best: least squares over the views' noise, robust.
 
@@ -129,7 +129,7 @@ def shared_errors(pairs: Sequence[Counterparts], level: float, cell: float) -> t
 
 
 def _shares(
-    views: Sequence[View], directed: Sequence[tuple[int, int]], found: Sequence[Counterparts]
+    views: Mapping[int, View], directed: Sequence[tuple[int, int]], found: Sequence[Counterparts]
 ) -> list[FloatArray]:
     """Of each counterpart 2 / n, n the number of views that see its point."""
     seen = {view: np.ones(len(views[view].points)) for pair in directed for view in pair}
@@ -148,7 +148,7 @@ def _adjoint(object_from_view: RigidTransform) -> FloatArray:
 
 
 def _largest_move(
-    views: Sequence[View], poses: dict[int, RigidTransform], step: FloatArray, place: dict[int, int]
+    views: Mapping[int, View], poses: dict[int, RigidTransform], step: FloatArray, place: dict[int, int]
 ) -> float:
     """RMS over the points of the view that moved most."""
     moves: list[float] = []

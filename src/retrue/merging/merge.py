@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -20,7 +20,7 @@ from retrue.merging.pairs import Pair, fine_pair, require_libraries
 from retrue.merging.standing import find_standing, without
 from retrue.merging.surface import Surface, cell_in_reach, make_surface, surface_mesh
 from retrue.merging.ties import Progress, good, ties
-from retrue.merging.view import View, local_normals, make_view, require_points_for_view, usual_cell, usual_spacing
+from retrue.merging.view import FEWEST_POINTS, View, local_normals, make_view, usual_cell, usual_spacing
 from retrue.reconstruction.cloud import Cloud, Mesh
 from retrue.shown import ShortRepr, Shown, counted, figures, in_space
 from retrue.values import ByValue
@@ -40,7 +40,7 @@ class Merged(ByValue, ShortRepr):
     cloud : the points of all views on the one surface that they agree on, in the first merged view's camera frame.
     poses : object_from_view of each view that was merged, by its number among those handed in.
     pose_sigma : (turn in radians, shift at the object's middle in the cloud's unit) of each, one standard deviation.
-    left_out : the numbers of the views that show no surface in common with the others, and why.
+    left_out : the numbers of the views that show no surface, or none in common with the others, and why.
     residuals : RMS distance between the surfaces of each two neighbours, in the cloud's unit.
     closure_sigma : by how many of its sigmas the worst pair misses what all others say of it.
     standing : share of the points that were left out because they stood still before the camera.
@@ -50,7 +50,7 @@ class Merged(ByValue, ShortRepr):
     cloud: Cloud
     poses: dict[int, RigidTransform]
     pose_sigma: dict[int, tuple[float, float]]
-    left_out: dict[int, NoCommonSurface]
+    left_out: dict[int, Reason]
     residuals: dict[tuple[int, int], float]
     closure_sigma: float
     standing: float
@@ -101,19 +101,36 @@ class Merged(ByValue, ShortRepr):
 
 @dataclass(frozen=True, slots=True, eq=False, repr=False)
 class RefusedMerge(ByValue, ShortRepr):
-    """No two views show a common surface."""
+    """No two views show a common surface.
+
+    Attributes
+    ----------
+    left_out : the numbers of the views that were not asked, as they show no surface at all, and why.
+    """
 
     cause: Reason
+    left_out: dict[int, Reason] = field(default_factory=dict[int, Reason])
 
     verdict = "refused"
 
     @property
     def reason(self) -> str:
         """A sentence."""
-        return str(self.cause)
+        return "; ".join(map(str, (self.cause, *self.left_out.values())))
 
     def _shown(self) -> Shown:
         return self.reason, {}
+
+
+@dataclass(frozen=True, slots=True)
+class NoSurface(Reason):
+    """A view shows too little to be laid on any other: too few points, or none beside each other."""
+
+    view: str
+    why: str
+
+    def __str__(self) -> str:
+        return f"{self.view} was left out: {self.why}"
 
 
 @dataclass(frozen=True, slots=True)
@@ -182,6 +199,7 @@ def merge(
     ------
     InputError : fewer than two clouds, one of them twice, clouds of several units, or the libraries of `.[merge]` are
         not installed.
+    DegenerateError : fewer than two of the clouds show a surface; of more, those that do not are left out.
     """
     require_kinds(clouds, Cloud, "clouds", "retrue.reconstruct makes them")
     options = MergeOptions() if options is None else options
@@ -196,38 +214,57 @@ def merge(
     require_libraries()
     require_names(names, len(clouds))
     names = tuple(names) or tuple(f"view {number}" for number in range(1, len(clouds) + 1))
-    clouds = [cloud.select(np.flatnonzero(np.isfinite(cloud.points).all(axis=1))) for cloud in clouds]
-    for name, cloud in zip(names, clouds, strict=True):
-        require_points_for_view(name, cloud.points)
-    for first, again in repeated_in([cloud.points for cloud in clouds], np.array_equal):
+    left_out: dict[int, Reason] = {}
+    finite = {
+        number: cloud.select(np.flatnonzero(np.isfinite(cloud.points).all(axis=1)))
+        for number, cloud in enumerate(clouds)
+    }
+    shown, views, cell = _views(finite, names, options, left_out)
+    order = list(shown)
+    for first, again in repeated_in([cloud.points for cloud in shown.values()], np.array_equal):
         raise InputError(
-            f"{names[again]}: holds the same points as {names[first]}, and would count twice: hand in each view once"
+            f"{names[order[again]]}: holds the same points as {names[order[first]]}, and would count twice: "
+            "hand in each view once"
         )
-    cell = _cell(clouds, options)
-    views = [_view(name, cloud, cell) for name, cloud in zip(names, clouds, strict=True)]
-    standing = None if options.keep_standing else find_standing(views, cell)
-    before = sum(map(len, clouds))
+    standing, share = None if options.keep_standing else find_standing(list(views.values()), cell), 0.0
     if standing is not None:
-        clouds = [
-            cloud.select(without(cloud.points, view, stands))
-            for cloud, view, stands in zip(clouds, views, standing, strict=True)
-        ]
-        for name, cloud in zip(names, clouds, strict=True):
-            require_points_for_view(name, cloud.points)
-        cell = _cell(clouds, options)
-        views = [_view(name, cloud, cell) for name, cloud in zip(names, clouds, strict=True)]
+        moving = {
+            number: shown[number].select(without(shown[number].points, view, stands))
+            for (number, view), stands in zip(views.items(), standing, strict=True)
+        }
+        share = 1 - sum(map(len, moving.values())) / sum(map(len, shown.values()))
+        shown, views, cell = _views(moving, names, options, left_out)
     tried: dict[tuple[int, int], Pair] = {}
     poses = ties(views, options, cell, tried, progress)
     if len(poses) < LEAST_IN_GROUP:
-        return RefusedMerge(NothingInCommon(len(views), *_nearest_miss(tried.values())))
+        return RefusedMerge(NothingInCommon(len(views), *_nearest_miss(tried.values())), left_out)
     neighbours = _neighbours(views, poses, options, cell)
     adjusted = adjust(views, poses, [(pair.first, pair.second) for pair in neighbours], cell)
-    left_out = {
-        view: NoCommonSurface(names[view], *_nearest_miss(pair for key, pair in tried.items() if view in key))
-        for view in range(len(views))
-        if view not in poses
-    }
-    return _merged(clouds, views, adjusted, left_out, 1 - sum(map(len, clouds)) / before, names)
+    for view in views:
+        if view not in poses:
+            nearest = _nearest_miss(pair for key, pair in tried.items() if view in key)
+            left_out[view] = NoCommonSurface(names[view], *nearest)
+    return _merged(shown, views, adjusted, dict(sorted(left_out.items())), share, names)
+
+
+def _views(
+    clouds: Mapping[int, Cloud], names: Sequence[str], options: MergeOptions, left_out: dict[int, Reason]
+) -> tuple[dict[int, Cloud], dict[int, View], float]:
+    """The clouds that show a surface, the same as views, and the cells' size; the others go into `left_out`."""
+    enough = [cloud for cloud in clouds.values() if len(cloud) >= FEWEST_POINTS]
+    cell = _cell(enough, options) if enough else np.inf
+    views: dict[int, View] = {}
+    for number, cloud in clouds.items():
+        try:
+            views[number] = make_view(cloud.points, cloud.sigma, cell)
+        except DegenerateError as error:
+            left_out[number] = NoSurface(names[number], str(error))
+    if len(views) < LEAST_IN_GROUP:
+        first = next(reason for reason in left_out.values() if isinstance(reason, NoSurface))
+        raise DegenerateError(
+            f"{first.view}: merge: {first.why}; of {counted(len(names), 'view')} fewer than two are left"
+        )
+    return {number: clouds[number] for number in views}, views, cell
 
 
 def _cell(clouds: Sequence[Cloud], options: MergeOptions) -> float:
@@ -248,15 +285,8 @@ def _nearest_miss(pairs: Iterable[Pair]) -> tuple[float, float, float]:
     return (0.0, 0.0, 0.0) if best is None else (best.overlap, best.contradicted, best.overlooked)
 
 
-def _view(name: str, cloud: Cloud, cell: float) -> View:
-    try:
-        return make_view(cloud.points, cloud.sigma, cell)
-    except DegenerateError as error:
-        raise DegenerateError(f"{name}: {error}") from error
-
-
 def _neighbours(
-    views: Sequence[View], poses: dict[int, RigidTransform], options: MergeOptions, cell: float
+    views: Mapping[int, View], poses: dict[int, RigidTransform], options: MergeOptions, cell: float
 ) -> list[Pair]:
     """All pairs that overlap at these poses; the tree's own are among them."""
     order = sorted(poses)
@@ -278,10 +308,10 @@ def _face_alike(first: View, second: View, pose: RigidTransform) -> bool:
 
 
 def _merged(
-    clouds: Sequence[Cloud],
-    views: Sequence[View],
+    clouds: Mapping[int, Cloud],
+    views: Mapping[int, View],
     adjusted: Adjusted,
-    left_out: dict[int, NoCommonSurface],
+    left_out: dict[int, Reason],
     standing: float,
     names: tuple[str, ...],
 ) -> Merged:
@@ -314,7 +344,7 @@ def _merged(
         on[good],
         merged_colors[good],
         np.full((int(good.sum()), 2), np.nan),
-        clouds[0].unit,
+        next(iter(clouds.values())).unit,
         card=card,
         normals=normal[good],
         sigma=sigma_on[good],

@@ -7,7 +7,7 @@ where the other's camera saw through.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from importlib.util import find_spec
 from typing import Any
@@ -158,7 +158,7 @@ def _share_near(view: View, places: FloatArray, cell: float) -> float:
     return float(np.isfinite(distance).mean())
 
 
-def fine_pair(first: int, second: int, views: Sequence[View], pose: RigidTransform, cell: float) -> Pair:
+def fine_pair(first: int, second: int, views: Mapping[int, View], pose: RigidTransform, cell: float) -> Pair:
     """The pair, its pose refined from `pose` on the two surfaces."""
     target, source = views[first], views[second]
     pose = _aligned(target, source.prepared, pose, COARSE_REACH * cell, FINE_STEPS)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping
 
 import numpy as np
 
@@ -24,7 +24,9 @@ def good(pair: Pair, options: MergeOptions) -> bool:
     return pair.overlap >= options.least_overlap and pair.contradicted <= options.most_contradicted
 
 
-def ties(views: Sequence[View], options: MergeOptions, cell: float, tried: Tried, progress: Progress | None) -> Poses:
+def ties(
+    views: Mapping[int, View], options: MergeOptions, cell: float, tried: Tried, progress: Progress | None
+) -> Poses:
     """Poses of the most views that can be tied, the first one's frame the object's; pairs tried go into `tried`.
 
     Neighbours in the order of taking first; of each pair the pose that has most for it. What a pair does not prove by
@@ -32,11 +34,10 @@ def ties(views: Sequence[View], options: MergeOptions, cell: float, tried: Tried
     """
     if options.turntable:
         return _turned(views, options, cell, tried)
-    count = len(views)
-    groups: list[Poses] = [{view: RigidTransform.identity()} for view in range(count)]
+    order, count = list(views), len(views)
+    groups: list[Poses] = [{view: RigidTransform.identity()} for view in order]
     for step in range(1, count + 1):
-        for first in range(count - step):
-            second = first + step
+        for first, second in zip(order, order[step:], strict=False):
             if not any(first in group and second in group for group in groups):
                 tried[first, second] = _best(first, second, views, options, cell)
         last = step == count
@@ -48,7 +49,7 @@ def ties(views: Sequence[View], options: MergeOptions, cell: float, tried: Tried
     return _in_order(max(groups, key=len))
 
 
-def _best(first: int, second: int, views: Sequence[View], options: MergeOptions, cell: float) -> Pair:
+def _best(first: int, second: int, views: Mapping[int, View], options: MergeOptions, cell: float) -> Pair:
     """Of the poses that turns lead to the likeliest; of those that shapes tell, too, where it is not proven.
 
     Each turn is a rival: none that is proven ends the search by itself, or objects that are nearly their own copies
@@ -70,7 +71,7 @@ def _rank(pair: Pair, options: MergeOptions) -> tuple[bool, float]:
     return possible, pair.evidence if possible else pair.overlap
 
 
-def _joined(groups: list[Poses], pair: Pair, views: Sequence[View], cell: float) -> list[Poses]:
+def _joined(groups: list[Poses], pair: Pair, views: Mapping[int, View], cell: float) -> list[Poses]:
     """The groups, two of them made one by the pair, if all that they saw together proves it."""
     one, other = (next(group for group in groups if view in group) for view in (pair.first, pair.second))
     if one is other:
@@ -88,28 +89,34 @@ def _joined(groups: list[Poses], pair: Pair, views: Sequence[View], cell: float)
     return [one | moved if group is one else group for group in groups if group is not other]
 
 
+def _repeated(step: RigidTransform, times: int) -> RigidTransform:
+    return step if times == 1 else step @ _repeated(step, times - 1)
+
+
 def _in_order(group: Poses) -> Poses:
     first = group[min(group)].inverse()
     return {view: first @ group[view] for view in sorted(group)}
 
 
-def _turned(views: Sequence[View], options: MergeOptions, cell: float, tried: Tried) -> Poses:
-    """The same on a turntable, where all steps are one motion: that which most of them fit."""
-    count = len(views)
-    angle = 2 * np.pi / count
-    steps = [(first, (first + 1) % count) for first in range(count)]
+def _turned(views: Mapping[int, View], options: MergeOptions, cell: float, tried: Tried) -> Poses:
+    """The same on a turntable, where all steps are one motion: that which most of them fit. Over a view that is missing
+    it is two of them."""
+    order, angle = list(views), 2 * np.pi / options.turntable
+    steps = [(a, b, (b - a) % options.turntable) for a, b in zip(order, [*order[1:], order[0]], strict=True)]
     best: list[Pair] = []
-    for first, second in steps:
+    for first, second, many in steps:
+        if many > 1:
+            continue
         pair = tried[first, second] = _best(first, second, views, options, cell)
         turned = float(np.linalg.norm(vector_from_rotation(pair.pose.R)))
         if not (good(pair, options) and abs(turned - angle) < 0.2 * angle):
             continue
-        found = [fine_pair(a, b, views, pair.pose, cell) for a, b in steps]
+        found = [fine_pair(a, b, views, _repeated(pair.pose, turns), cell) for a, b, turns in steps]
         found = [each for each in found if good(each, options)]
         best = found if len(found) > len(best) else best
-        if len(best) >= count - 1:
+        if len(best) >= len(order) - 1:
             break
-    groups: list[Poses] = [{view: RigidTransform.identity()} for view in range(count)]
+    groups: list[Poses] = [{view: RigidTransform.identity()} for view in order]
     for pair in sorted(best, key=lambda each: -each.evidence):
         groups = _joined(groups, pair, views, cell)
     return _in_order(max(groups, key=len))

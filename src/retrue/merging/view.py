@@ -18,6 +18,7 @@ FLATTEST = 0.5  # scatter across a local plane of that along it; beyond it there
 SIDEWAYS = 0.2  # noise across a ray, of that along it
 EDGE, CUT = 0.25, 0.3  # cells to the outermost point; share of a side that points so near to it fill, if it is cut
 STRAYS = 0.002  # of the points, outside of all others
+TINY = np.finfo(np.float64).tiny  # of points that all lie in one place
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -59,10 +60,10 @@ def usual_cell(clouds: list[FloatArray]) -> float:
     return max(float(np.median(sizes)) / CELLS_PER_SIDE, 1.2 * float(np.median(spacings)))
 
 
-def require_points_for_view(name: str, points: FloatArray) -> None:
-    """A `DegenerateError` where a view has too few points to begin with."""
+def require_points(points: FloatArray) -> None:
+    """A `DegenerateError` where these are too few to be a view."""
     if len(points) < FEWEST_POINTS:
-        raise DegenerateError(f"{name}: merge: expected {FEWEST_POINTS} points on a surface, found {len(points)}")
+        raise DegenerateError(f"expected {FEWEST_POINTS} points on a surface, found {len(points)}")
 
 
 def make_view(points: FloatArray, sigma: FloatArray | None, cell: float) -> View:
@@ -72,12 +73,13 @@ def make_view(points: FloatArray, sigma: FloatArray | None, cell: float) -> View
     `sigma` (N,) is that along the ray; without it, noise grows as the square of depth. Raises `DegenerateError`
     where too few points, or none with neighbours on a surface, remain.
     """
+    require_points(points)
     along = sigma if sigma is not None and (sigma > 0).all() else points[:, 2] ** 2
     means = _thinned(points, cell)
+    require_points(means)
     thin, normals, variance, near, flat = _patches(points, means)
     thin, normals, near = thin[flat], normals[flat], near[flat]
-    if len(thin) < FEWEST_POINTS:
-        raise DegenerateError(f"merge: expected {FEWEST_POINTS} points on a surface, found {len(thin)}")
+    require_points(thin)
     cosine = np.abs((thin * normals).sum(axis=1)) / np.linalg.norm(thin, axis=1)
     shape = np.sqrt((along[near] ** 2).mean(axis=1)) * np.hypot(cosine, SIDEWAYS)
     noise = float(np.sqrt(np.median(variance[flat])))
@@ -122,7 +124,7 @@ def _patches(points: FloatArray, places: FloatArray) -> tuple[FloatArray, FloatA
     normals = np.where(((normals * middle).sum(axis=1) > 0)[:, None], -normals, normals)
     sideways, upwards = axes[:, :, 2], np.cross(normals, axes[:, :, 2])
     u, v, w = (np.einsum("nki,ni->nk", away, axis) for axis in (sideways, upwards, normals))
-    scale = np.sqrt((u**2 + v**2).mean(axis=1, keepdims=True))
+    scale = np.sqrt((u**2 + v**2).mean(axis=1, keepdims=True)) + TINY
     u, v = u / scale, v / scale
     terms = np.stack([np.ones_like(u), u, v, u * u, u * v, v * v], axis=-1)
     fitted = np.einsum("ntk,nk->nt", np.linalg.pinv(terms), w)
