@@ -369,3 +369,14 @@ def test_what_photographs_show_once_is_no_noise_of_the_plane_around_it(features:
     points = replace(wall, projector_px=projector_px, camera_sigma_px=each, projector_sigma_px=each, card=card)
     lone = judge(bumped(RIG, [1, 1, 1], [1, 1, 1]), [points], RecalibrateOptions()).compared.measured.lone
     assert (lone is None) if features else (lone is not None and set(things) <= set(np.flatnonzero(lone)))
+
+
+def test_of_what_is_not_seen_there_is_no_copy() -> None:
+    measured, truth = measured_scene("wall")
+    rows = measured.camera_px[:, 0] < np.quantile(measured.camera_px[:, 0], 0.3)
+    projector_px = measured.projector_px + np.where(rows[:, None], [70.0, -45.0], 0.0)
+    points = replace(measured.support.points, projector_rays=RIG.projector.unproject(projector_px))
+    moved = replace(measured, support=replace(measured.support, points=points), projector_px=projector_px)
+    true = posterior_at(moved, truth, Prior(stated_prior(RIG, 0.01, 5.0, 0.02)))
+    assert shifted_copy(true, rows) is not None
+    assert shifted_copy(true, np.ones_like(rows)) is None

@@ -39,8 +39,8 @@ def shifted_copy(posterior: Posterior, outside: BoolArray) -> Part | None:
 def _shifted_copy(posterior: Posterior, outside: BoolArray, shifts: Shifts) -> Part | None:
     """The same, of the points that are outside, as the planes have them: the one of most worth.
 
-    What lies between a plane's points is a copy of these, not of what it is itself. They are built by what their number
-    may be worth at most, until none left is worth more than the best.
+    What lies between a plane's points is a copy of these, not of what it is itself; of what is not seen there is none.
+    They are built by what their number may be worth at most, until none left is worth more than the best.
     """
     points, measured = posterior.points, posterior.measured
     sigma = sigma_of(points)[shifts.rows]
@@ -51,7 +51,7 @@ def _shifted_copy(posterior: Posterior, outside: BoolArray, shifts: Shifts) -> P
     candidates: list[tuple[float, int, int, float]] = []
     for number, (plane, own) in enumerate(zip(shifts.planes.tolist(), counts.tolist(), strict=True)):
         for kind, count in enumerate(own):
-            if count >= FEWEST_OF_A_COPY:
+            if min(count, int(shown[plane])) >= FEWEST_OF_A_COPY:
                 seldom = max(0.0, 1 - int(shown[plane]) / count)
                 candidates.append((worth_at_most(count, PARAMETERS[kind], seldom), number, kind, seldom))
     best, most = None, -np.inf
