@@ -219,13 +219,11 @@ def merge(
         number: cloud.select(np.flatnonzero(np.isfinite(cloud.points).all(axis=1)))
         for number, cloud in enumerate(clouds)
     }
-    shown, views, cell = _views(finite, names, options, left_out)
-    order = list(shown)
-    for first, again in repeated_in([cloud.points for cloud in shown.values()], np.array_equal):
+    for first, again in repeated_in(list(finite.values()), _same_points):
         raise InputError(
-            f"{names[order[again]]}: holds the same points as {names[order[first]]}, and would count twice: "
-            "hand in each view once"
+            f"{names[again]}: holds the same points as {names[first]}, and would count twice: hand in each view once"
         )
+    shown, views, cell = _views(finite, names, options, left_out)
     standing, share = None if options.keep_standing else find_standing(list(views.values()), cell), 0.0
     if standing is not None:
         moving = {
@@ -245,6 +243,11 @@ def merge(
             nearest = _nearest_miss(pair for key, pair in tried.items() if view in key)
             left_out[view] = NoCommonSurface(names[view], *nearest)
     return _merged(shown, views, adjusted, dict(sorted(left_out.items())), share, names)
+
+
+def _same_points(one: Cloud, other: Cloud) -> bool:
+    """The same places in the same order, some at least."""
+    return len(one) > 0 and np.array_equal(one.points, other.points)
 
 
 def _views(
