@@ -9,7 +9,7 @@ import numpy as np
 
 from retrue.correspondences import Correspondences, require_captures
 from retrue.errors import DegenerateError, require_kind
-from retrue.geometry.arrays import FloatArray, finite_array
+from retrue.geometry.arrays import FloatArray
 from retrue.geometry.transform import RigidTransform
 from retrue.rasters import check_captures
 from retrue.recalibration.drift import holds
@@ -34,7 +34,7 @@ from retrue.recalibration.result import (
 )
 from retrue.recalibration.scale import translation_length
 from retrue.rig import Rig, require_baseline, require_rig
-from retrue.rig_evidence import LOG_LENGTH, rescaled
+from retrue.rig_evidence import LOG_LENGTH, rescaled, rig_covariance
 
 
 def recalibrate(
@@ -144,13 +144,7 @@ def _rig_covariance(judgement: Judgement, rig: Rig, options: RecalibrateOptions)
     joint[:5, :5] += judgement.covariance - judgement.answer.covariance
     whole = np.insert(np.insert(joint, LOG_LENGTH, 0.0, axis=0), LOG_LENGTH, 0.0, axis=1)
     if options.known_distance is None:
-        before = rig.evidence.get("rig_covariance")
-        if before is None:
-            scale = finite_array([rig.evidence.get("scale_sigma", 0.0)], (1,), "rig evidence, scale_sigma")
-            whole[LOG_LENGTH, LOG_LENGTH] = scale[0] ** 2
-        else:
-            stated = finite_array(before, whole.shape, "rig evidence, rig_covariance")
-            whole[LOG_LENGTH, LOG_LENGTH] = stated[LOG_LENGTH, LOG_LENGTH]
+        whole[LOG_LENGTH, LOG_LENGTH] = rig_covariance(rig)[LOG_LENGTH, LOG_LENGTH]
     return whole
 
 
