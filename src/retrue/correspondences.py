@@ -219,6 +219,16 @@ def repeated_in(values: Sequence[T], same: Callable[[T, T], bool]) -> list[tuple
     return found
 
 
+def each_once(values: Sequence[T], same: Callable[[T, T], bool]) -> list[T]:
+    """The values without those that are the same as one before them.
+
+    >>> each_once([3, 4, 3, 3], lambda one, other: one == other)
+    [3, 4]
+    """
+    repeated = {again for _, again in repeated_in(values, same)}
+    return [value for index, value in enumerate(values) if index not in repeated]
+
+
 def same_points(one: Correspondences, other: Correspondences) -> bool:
     """Whether they hold the same matches to the last bit, some at least, in any order."""
     return 0 < len(one) == len(other) and np.array_equal(_sorted(one), _sorted(other), equal_nan=True)

@@ -11,7 +11,7 @@ from typing import Any, TypeVar
 
 from retrue.batch.job import Capture, options_of
 from retrue.batch.tasks import Look, Renew
-from retrue.correspondences import Correspondences, repeated_in, same_points
+from retrue.correspondences import Correspondences, each_once, same_points
 from retrue.errors import FileError, RetrueError
 from retrue.files.captures import pictures_size, read_capture
 from retrue.files.kept_points import keep_points, read_kept_points
@@ -57,8 +57,7 @@ def renew(task: Renew) -> dict[str, Any]:
     captures = [points for points in map(_kept, task.points) if points is not None]
     if len(captures) < len(task.points):
         return {"lost": "what was decoded of them before was damaged; run the batch again"}
-    repeated = {again for _, again in repeated_in(captures, same_points)}
-    captures = [points for index, points in enumerate(captures) if index not in repeated]  # a copy tells no more
+    captures = each_once(captures, same_points)  # a copy tells no more
     try:
         result = unattended(recalibrate(rig, captures, options_of(task.limits, "recalibrate")))
         if not isinstance(result, Accepted):

@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Any
 
 from retrue.answers import Reason, answer_report
-from retrue.correspondences import Correspondences, repeated_in, same_points
+from retrue.correspondences import Correspondences, each_once, same_points
 from retrue.errors import FileError, RetrueError
 from retrue.files.history import read_history, write_in_place
 from retrue.files.rigs import read_rig
@@ -181,8 +181,8 @@ class Watch:
 
     def _attempt(self, rig: Rig, kept: Sequence[Kept], seconds: dict[str, float], kind: str) -> Reason | None:
         """Recalibrate from these frames and write the rig; why not, where not."""
-        repeated = {again for _, again in repeated_in([item.points for item in kept], same_points)}
-        kept = [item for index, item in enumerate(kept) if index not in repeated]  # a camera that hangs tells no more
+        # What a camera repeats that hangs tells no more.
+        kept = each_once(kept, lambda one, other: same_points(one.points, other.points))
         captures = [item.points for item in kept]
         try:
             result = unattended(self.stages.recalibrate(rig, captures))
